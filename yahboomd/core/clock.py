@@ -184,7 +184,6 @@ class Schedule:
             self._alarm.put_off(self._next_ns)
 
     def close(self) -> None:
-        """Release the timer."""
         self._alarm.close()
 
     def _counted(self) -> int:

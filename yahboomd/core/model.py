@@ -79,7 +79,6 @@ class Twist2d(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def is_zero(self) -> bool:
-        """Whether this is exactly zero."""
         return self.vx == 0.0 and self.vy == 0.0 and self.wz == 0.0
 
 

@@ -133,7 +133,6 @@ class PageCommands:
         self._stop()
 
     def close(self) -> None:
-        """Release the timers."""
         self._silence.close()
         self._zeros.close()
 

@@ -72,7 +72,6 @@ class Recorder:
         self.due = self._ring.turned and bool(self._dialect)
 
     def opened(self, port: str, byte_ns: int) -> None:
-        """A port was opened."""
         self._port, self._byte_ns = port, byte_ns
         self._dialect = ""
         self.due = False
@@ -98,7 +97,6 @@ class Recorder:
         )
 
     def written(self, data: bytes) -> None:
-        """Bytes were written."""
         self._ring.write(WRITTEN, data, self._now_ns())
 
     def identified(self, dialect: str, settings: dict[str, Any] | None) -> None:
@@ -108,7 +106,6 @@ class Recorder:
         self.record(records.Identified(dialect=dialect, settings=settings))
 
     def closed(self) -> None:
-        """The port was closed."""
         self._port = self._dialect = ""
         self.due = False
         self.record(records.Closed())
@@ -143,7 +140,6 @@ class Recorder:
         self.record(records.Armed())
 
     def pose_set(self, pose: Pose2d, covariance: Matrix3 | None) -> None:
-        """The pose was set."""
         self.record(records.PoseSet(pose=pose, covariance=covariance))
 
     def steered(self, curvature_per_m: float, now_ns: int) -> None:
@@ -178,7 +174,6 @@ class Recorder:
             self.record(decision)
 
     def event(self, event: Event) -> None:
-        """Something happened."""
         if event.kind == "clock_stepped":
             self.record(records.WallClock(wall_ns=self._wall_ns()))
         self.record(records.Happened(event=event))

@@ -179,7 +179,6 @@ class LeftRing:
         return ("killed",)
 
     def remove(self) -> None:
-        """Remove the file."""
         with contextlib.suppress(OSError):
             os.unlink(self.path)
         leave_folder(self.path.parent)

@@ -202,7 +202,6 @@ class Bus:
         return self._neighbours.now()
 
     def status_values(self) -> dict[str, int]:
-        """See :func:`yahboomd.core.bus.bus_counters.summed_counters`."""
         return summed_counters(self._declared)
 
     def key(self, name: str) -> str:

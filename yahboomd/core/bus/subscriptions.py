@@ -133,7 +133,6 @@ class Subscription:
 
     @property
     def closed(self) -> bool:
-        """Whether it has ended."""
         return not self._open
 
     @property

@@ -43,7 +43,6 @@ class Survey:
         self._sessions.append(session)
 
     def ask(self) -> None:
-        """Begin a round."""
         for index, session in enumerate(self._sessions):
             self._ask(index, session)
 

@@ -57,13 +57,11 @@ def bus_options(config: Config) -> BusOptions:
 
 
 def arbiter(config: Config) -> Arbiter:
-    """The arbiter of command sources."""
     command = config.command
     return Arbiter(config.sources(), on_timeout=command.on_timeout, stamps=command.stamps)
 
 
 def odometer_settings(config: Config) -> OdometerSettings:
-    """The arguments of the odometer."""
     return OdometerSettings(
         kinematics=config.kinematics(),
         motors=config.motors(),
@@ -81,7 +79,6 @@ def odometer(config: Config, recorder: Recorder | None = None) -> Odometer:
 
 
 def control_options(config: Config) -> ControlOptions:
-    """The control path's options."""
     return ControlOptions(
         kinematics=config.kinematics(),
         motors=config.motors(),
@@ -119,7 +116,6 @@ def controller(
     outputs: Outputs,
     recorder: Recorder | None = None,
 ) -> Controller:
-    """The control path."""
     return Controller(
         clock,
         control_options(config),

@@ -142,7 +142,6 @@ class BlackBox:
         return self.recorder or NO_TAP
 
     def status_values(self) -> dict[str, Any]:
-        """For the status."""
         writer, file = self._writer, self._file
         return {
             "blackbox_recording": int(self._recording),

@@ -237,7 +237,6 @@ class Controller:
         self.control_step()
 
     def close(self) -> None:
-        """Release the timers."""
         self._alarm.close()
         self.stop_reports.close()
         self._beats.close()
@@ -521,7 +520,6 @@ class Controller:
         return found.message
 
     def set_pose(self, pose: Pose2d, covariance: Matrix3 | None) -> None:
-        """Set the pose."""
         self._odometer.set_pose(pose, covariance)
 
     def event(self, event: Event) -> None:

@@ -120,7 +120,6 @@ class TerminalFormatter(logging.Formatter):
     """Lines for a person, with commands as this terminal knows them."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """The record."""
         return pasteable(readable(super().format(record)))
 
 

@@ -227,7 +227,6 @@ class Notifier:
         self._tell_guard("STANDING=1")
 
     def close(self) -> None:
-        """Close the socket."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None

@@ -30,28 +30,23 @@ class RecordedOdometer(Odometer):
     def set_sample_period(
         self, period_ns: int | None, *, each_line: bool = False, age_ns: int = 0
     ) -> None:
-        """See :class:`Odometer`, like the others."""
         self._recorder.renewal(period_ns, each_line=each_line, age_ns=age_ns)
         super().set_sample_period(period_ns, each_line=each_line, age_ns=age_ns)
 
     def armed(self) -> None:
-        """See there."""
         self._recorder.armed()
         super().armed()
 
     def set_pose(self, pose: Pose2d, covariance: Matrix3 | None = None) -> None:
-        """See there."""
         self._recorder.pose_set(pose, covariance)
         super().set_pose(pose, covariance)
 
     def steer(self, curvature_per_m: float, now_ns: int) -> None:
-        """See there."""
         if self._steering is not None:
             self._recorder.steered(curvature_per_m, now_ns)
             super().steer(curvature_per_m, now_ns)
 
     def update(self, reading: EncoderReading) -> Update:
-        """See there."""
         update = super().update(reading)
         if update.estimate is not None:
             self._recorder.estimate(update.estimate)

@@ -369,7 +369,6 @@ class Daemon:
             call("The voltage for ROS 2", self._ros2.battery, volts, stamp_ns)
 
     def event(self, event: Event) -> None:
-        """Something happened."""
         call = self._recorders.call
         call(NAME, self._box.event, event)
         stamp_ns = call("The events on the bus", self._publisher.event, event)

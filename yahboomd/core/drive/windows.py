@@ -34,7 +34,6 @@ class SlidingMinimum:
         return min((value for _, value in self._minima), default=None)
 
     def clear(self) -> None:
-        """Discard everything."""
         self._minima.clear()
 
     def _forget(self, now_ns: int) -> None:

@@ -123,7 +123,6 @@ class ConnectedBoard:
 
     @property
     def port_name(self) -> str:
-        """The port, by name."""
         return self._line.port.name
 
     @property
@@ -142,7 +141,6 @@ class ConnectedBoard:
         return (self._line.watch.standing and not self._turning) if self._drove else None
 
     def status_values(self) -> dict[str, int]:
-        """Its counters."""
         return {**self.counters, **self._poller.counters}
 
     async def ask_battery(self, frame: bytes, period_s: float) -> None:

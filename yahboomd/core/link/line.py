@@ -234,7 +234,6 @@ class Line:
 
     @property
     def lost(self) -> bool:
-        """Whether the port went away."""
         return self._lost
 
     @property
@@ -251,7 +250,6 @@ class Line:
         return self.damages >= NOISY_DAMAGES
 
     def status_values(self) -> dict[str, int]:
-        """Every counter of the line."""
         framed = self._framer.counters
         found = {name: getattr(framed, name) for name in framed.__struct_fields__}
         return {**found, **self.counters, **self.writer.status_values()}

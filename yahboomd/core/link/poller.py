@@ -97,7 +97,6 @@ class Poller:
         self._came_ns = 0
 
     def reading(self, reading: EncoderReading) -> None:
-        """Counts arrived."""
         self._heard_ns = reading.received_ns
         self.counters["readings"] += 1
         noted = reading.requested_ns is not None

@@ -121,7 +121,6 @@ class Session:
         return None if self.board is None else self.board.seen_standing
 
     def status_values(self) -> dict[str, int]:
-        """Every counter of the link."""
         facts: Counter[str] = Counter()
         for part in (self._line, self.board):
             if part is not None:

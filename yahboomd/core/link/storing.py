@@ -58,7 +58,6 @@ class Storing(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def complete(self) -> bool:
-        """Whether everything is stored."""
         return all(step.outcome == "stored" for step in self.steps)
 
 

@@ -68,6 +68,5 @@ class TappedPort:
         self.discard, self.drain, self.close = port.discard, port.drain, port.close
 
     def write(self, data: bytes) -> None:
-        """See :class:`~yahboomd.core.link.port.Port`."""
         self._write(data)
         self._written(data)

@@ -40,7 +40,6 @@ class NotAState(ValueError):
 
 
 def save(odometer: Odometer) -> bytes:
-    """The state."""
     return msgspec.msgpack.encode(_attributes(odometer))
 
 

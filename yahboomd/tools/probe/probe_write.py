@@ -30,12 +30,10 @@ class Printed(storing.Progress):
     def begins(
         self, dialect: Dialect, writes: tuple[SettingWrite, ...], had: BoardSettings
     ) -> None:
-        """See the base class."""
         self._table, self._had = dialect.settings, had
         print(f"storing {len(writes)} of the board's values, one at a time, the wheels at rest:")
 
     def stored(self, step: storing.Step, has: BoardSettings) -> None:
-        """See the base class."""
         name = step.write.reply_to
         rows = setting_rows(self._table, self._had, has, ())
         row = next(each for each in rows if each.command == name)

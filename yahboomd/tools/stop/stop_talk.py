@@ -76,7 +76,6 @@ class Talk:
                     self.lines.append(facts)
 
     def close(self) -> None:
-        """Close the socket."""
         self.sock.close()
 
 

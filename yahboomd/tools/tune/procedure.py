@@ -365,13 +365,11 @@ class _Said(storing.Progress):
         writes: tuple[SettingWrite, ...],
         had: BoardSettings,  # noqa: ARG002
     ) -> None:
-        """See the base class."""
         restart = ", which restarts the board" if any(each.resets for each in writes) else ""
         names = "; ".join(each.text for each in writes) or "nothing that differs"
         self._say(f"writing to the board's flash{restart}: {names}")
 
     def stored(self, step: storing.Step, has: BoardSettings) -> None:  # noqa: ARG002
-        """See the base class."""
         self._say(f"{step.write.text}: {step.outcome}")
 
 

@@ -80,7 +80,6 @@ class _Checked(Progress):
         writes: tuple[SettingWrite, ...],  # noqa: ARG002
         had: BoardSettings,  # noqa: ARG002
     ) -> None:
-        """See the base class."""
         if dialect.name != self._saved.dialect:
             raise Refused(
                 f"What was saved is of a {self._saved.dialect} board at {self._saved.port}, and "

@@ -115,7 +115,6 @@ class AttachedOutlet:
         return self._publisher.has_subscribers
 
     def put(self, payload: bytes) -> bool:
-        """Send one."""
         self._sequence += 1
         attached = ros2.attachment(self._sequence, self._wall_ns(), self._gid)
         return self._publisher.put(payload, attached)
