@@ -21,7 +21,7 @@ def test_by_default_only_this_machine_reaches_the_bus():
     assert BusOptions().exposed == ()
 
 
-def test_a_router_that_gossips_connects_to_nobody_it_hears_of():
+def test_a_router_that_gossips_connects_to_no_node_it_hears_of():
     config = zenoh_config(BusOptions(gossip=True))
     assert read(config, "scouting/gossip/enabled") is True
     assert read(config, "scouting/gossip/autoconnect") == {"router": [], "peer": []}
