@@ -26,7 +26,7 @@ from benchmarks.ratios import listen, memory_mb
 from benchmarks.report import median, quantile
 from benchmarks.thin_board import read_log
 from yahboomd.core.blackbox.recorder import Recorder
-from yahboomd.core.blackbox.records import Command, encode
+from yahboomd.core.blackbox.records import CommandRecord, encode
 from yahboomd.core.blackbox.ring import Ring
 from yahboomd.core.blackbox.ring_file import SEGMENT_BYTES, SEGMENTS
 from yahboomd.core.model import Twist2d
@@ -67,7 +67,8 @@ def each_record() -> None:
         "a read of the same bytes": lambda: recorder.received(b"same", time.monotonic_ns()),
         "a write to it": lambda: recorder.written(b"$spd:300,0,300,0#"),
         "a command": lambda: ring.write(
-            *encode(Command(source="cmd_vel", vx=twist.vx, vy=0.0, wz=0.0)), time.monotonic_ns()
+            *encode(CommandRecord(source="cmd_vel", vx=twist.vx, vy=0.0, wz=0.0)),
+            time.monotonic_ns(),
         ),
     }
     for name, work in works.items():

@@ -19,7 +19,7 @@ from typing import NamedTuple, Protocol
 import zenoh
 
 from benchmarks import rig
-from yahboomd.simulation.heard import Heard, read_heard
+from yahboomd.simulation.heard import HostBytes, read_heard
 from yahboomd.simulation.truth import read_truth
 
 ARTICLE, YAHBOOMD = DRIVERS = ("article", "yahboomd")
@@ -127,7 +127,7 @@ class Trial(NamedTuple):
         """The newest pose."""
         return rig.wait_for(self.driver.poses, "a pose")[-1]
 
-    def heard(self) -> list[Heard]:
+    def heard(self) -> list[HostBytes]:
         """The bytes that the board has received."""
         return read_heard(self.where / "heard")
 
@@ -219,7 +219,7 @@ def trial(name: str, *options: str, settings: tuple[str, ...] = ()) -> Iterator[
         yield Trial(driver, where, needed)
 
 
-def frames(heard: list[Heard], since_ns: int = 0) -> list[tuple[int, int, int]]:
+def frames(heard: list[HostBytes], since_ns: int = 0) -> list[tuple[int, int, int]]:
     """The time, left and right speed of each speed frame."""
     return [
         (each.t_ns, int(match[1]), int(match[3]))

@@ -23,7 +23,7 @@ import msgspec
 from yahboomd.core.drive.kinematics import KINEMATICS
 from yahboomd.core.model import EncoderReading, ImuReading, ImuSensor, Motor, Twist2d
 from yahboomd.core.odometry.odometer import Odometer
-from yahboomd.simulation.imu import SENSORS, Imu
+from yahboomd.simulation.imu import SENSORS, ImuModel
 
 TRACK_M, RADIUS_M, TICKS = 0.15, 0.0335, 1320
 TICK_M = 2.0 * math.pi * RADIUS_M / TICKS
@@ -86,7 +86,7 @@ class Run:
     def __init__(self, seed: int, sensor: str, geometry: str, scale: float) -> None:
         self._random = random = Random(seed)
         options = msgspec.structs.replace(SENSORS[sensor], gyro_scale=scale)
-        self._imu = Imu(options, random)
+        self._imu = ImuModel(options, random)
         self._late_ns = random.randrange(LATE_NS)
         self._unit = UNITS_RAD_S[sensor]
         self._slips = geometry == "skid_steer"

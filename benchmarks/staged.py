@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from yahboomd.cli.main import main
-from yahboomd.core.bus.inbox import Inbox, Lane
+from yahboomd.core.bus.inbox import Inbox, SampleLane
 from yahboomd.core.daemon.commands import CommandIntake
 from yahboomd.core.daemon.control import Controller
 from yahboomd.core.daemon.wheels import Wheels
@@ -24,7 +24,7 @@ from yahboomd.core.link.port import SerialPort
 from yahboomd.core.link.writer import Writer
 
 STAGES: dict[str, tuple[type, str]] = {
-    "hop to the event loop": (Lane, "offer"),
+    "hop to the event loop": (SampleLane, "offer"),
     "unpacking of the sample": (Inbox, "_turn"),
     "decoding, and who may drive": (CommandIntake, "_take"),
     "control step: holds, limits, kinematics": (Controller, "_step"),

@@ -39,7 +39,7 @@ def test_the_path_for_a_reader_is_there_and_can_be_read_in_a_day() -> None:
     assert lines_of(ROOT / "yahboomd" / name for name in READING_PATH) <= READ_IN_A_DAY
 
 
-MOST_LINES_OF_THE_CORE = 30000
+MOST_LINES_OF_THE_CORE = 29991
 """It only shrinks. A commit that raises it gives the reason, and takes as much away soon."""
 
 
@@ -136,6 +136,16 @@ def test_no_two_files_of_one_name_mean_different_things() -> None:
     ]
     alike = {name.removeprefix("test_") for name in names if names.count(name) > 1}
     assert alike <= {*SHARED, "__init__.py", "__main__.py", "conftest.py"}
+
+
+def test_no_two_classes_have_one_name() -> None:
+    names = [
+        node.name
+        for text in read("yahboomd").values()
+        for node in ast.parse(text).body
+        if isinstance(node, ast.ClassDef)
+    ]
+    assert {name for name in names if names.count(name) > 1} == set()
 
 
 def test_every_package_says_what_is_inside() -> None:

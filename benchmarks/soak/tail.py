@@ -12,7 +12,7 @@ from typing import IO, Generic, TypeVar
 
 import msgspec
 
-from yahboomd.simulation.heard import Heard
+from yahboomd.simulation.heard import HostBytes
 from yahboomd.simulation.truth import TruthSample
 
 KEEP_NS = 90_000_000_000
@@ -21,7 +21,7 @@ KEEP_NS = 90_000_000_000
 STANDING_M_S = 0.03
 SETTLED_NS = 50_000_000
 
-Line = TypeVar("Line", TruthSample, Heard)
+Line = TypeVar("Line", TruthSample, HostBytes)
 
 
 class Tail(Generic[Line]):
@@ -150,7 +150,7 @@ class Wire:
     """The host's latest commands to the board."""
 
     def __init__(self, path: Path) -> None:
-        self._tail = Tail(path, Heard)
+        self._tail = Tail(path, HostBytes)
         self._rest = ""
         self.orders: deque[Order] = deque()
 

@@ -4,7 +4,7 @@ import pytest
 
 from benchmarks.baseline import P50, POLLS, factor
 from benchmarks.drivers import frames
-from yahboomd.simulation.heard import Heard
+from yahboomd.simulation.heard import HostBytes
 
 
 def test_of_polls_more_is_better_and_of_everything_else_less() -> None:
@@ -23,7 +23,7 @@ def test_where_a_figure_is_none_or_zero_there_is_no_ratio(article: str, ours: st
 
 def test_speed_frames_are_found_behind_one_another_and_since_a_moment() -> None:
     heard = [
-        Heard(t_ns=1, data="$speed:1,0,2,0#"),
-        Heard(t_ns=2, data="$read#$speed:-3,0,4,0#$speed:5,0,-6,0#"),
+        HostBytes(t_ns=1, data="$speed:1,0,2,0#"),
+        HostBytes(t_ns=2, data="$read#$speed:-3,0,4,0#$speed:5,0,-6,0#"),
     ]
     assert frames(heard, 2) == [(2, -3, 4), (2, 5, -6)]

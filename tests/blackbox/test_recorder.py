@@ -55,7 +55,7 @@ def test_every_segment_has_an_anchor_with_what_belongs_to_it(rig):
     }
     # The ring has gone round: who drives is known all the same.
     assert kinds.index("Anchor") < 5
-    assert rig.of(records.Decision)[0].driver == "cmd_vel"
+    assert rig.of(records.DecisionRecord)[0].driver == "cmd_vel"
     assert rig.of(records.WallClock)[0].wall_ns - 7 in [each.at_ns for each in rig.records]
 
 
@@ -77,8 +77,8 @@ def test_what_the_bytes_of_a_reading_do_not_show_is_recorded(rig):
         ticks=(1, 2, 3, 4), received_ns=9, sent_ns=8, requested_ns=5, earliest_ns=4, after_gap=True
     )
     rig.recorder.noted(asked)
-    assert rig.of(records.Reading) == [
-        records.Reading(received_ns=9, requested_ns=5, earliest_ns=4, after_gap=True)
+    assert rig.of(records.ReadingRecord) == [
+        records.ReadingRecord(received_ns=9, requested_ns=5, earliest_ns=4, after_gap=True)
     ]
 
 
@@ -88,7 +88,7 @@ def test_a_flood_of_commands_is_counted_and_leaves_the_rest_in_the_ring(rig):
         rig.now_ns = (20 + second) * SECOND_NS
         for _ in range(10_000):
             rig.recorder.command("cmd_vel", Twist2d(vx=0.5), "backlog")
-    assert len(rig.of(records.Command)) <= 5 * COMMANDS_A_SECOND
+    assert len(rig.of(records.CommandRecord)) <= 5 * COMMANDS_A_SECOND
     assert rig.of(records.Lost)[-1] == records.Lost(
         what="commands", count=10_000 - COMMANDS_A_SECOND
     )
@@ -97,7 +97,7 @@ def test_a_flood_of_commands_is_counted_and_leaves_the_rest_in_the_ring(rig):
 def test_a_decision_is_recorded_when_it_changes(rig):
     for why in ("No command yet.", "No command yet.", "The emergency stop is engaged."):
         rig.recorder.decision("standing", "", why)
-    assert [each.why for each in rig.of(records.Decision)] == [
+    assert [each.why for each in rig.of(records.DecisionRecord)] == [
         "No command yet.",
         "The emergency stop is engaged.",
     ]
@@ -111,5 +111,5 @@ def test_events_poses_and_steering_are_recorded_as_they_are(rig):
     assert rig.of(records.Happened) == [records.Happened(event=event)]
     # Moments by the wall clock change with it.
     assert rig.of(records.WallClock)
-    (steered,) = [each for each in rig.records if isinstance(each.meaning, records.Steered)]
+    (steered,) = [each for each in rig.records if isinstance(each.meaning, records.SteerRecord)]
     assert (steered.at_ns, steered.meaning.curvature_per_m) == (rig.now_ns - 5, 0.75)

@@ -118,6 +118,6 @@ def test_a_segment_says_that_it_was_begun(memory):
 
 
 def encode_command() -> bytes:
-    from yahboomd.core.blackbox.records import Command
+    from yahboomd.core.blackbox.records import CommandRecord
 
-    return encode(Command(source="cmd_vel", vx=0.0, vy=0.0, wz=0.0))[1]
+    return encode(CommandRecord(source="cmd_vel", vx=0.0, vy=0.0, wz=0.0))[1]

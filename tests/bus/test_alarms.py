@@ -6,7 +6,7 @@ import zenoh
 from zenoh_fixtures import eventually
 
 from yahboomd.core.bus import keys
-from yahboomd.core.bus.alarms import READ_BYTES, Alarm
+from yahboomd.core.bus.alarms import READ_BYTES, AlarmSubscriber
 from yahboomd.core.bus.inbox import Inbox
 
 pytestmark = pytest.mark.realtime
@@ -134,7 +134,7 @@ async def test_alarms_beyond_what_a_lane_holds_are_counted_all_the_same(heard, s
 
 async def test_nothing_of_a_sample_is_kept(session):
     inbox = Inbox()
-    alarm = Alarm(
+    alarm = AlarmSubscriber(
         "bot1/x",
         print,
         print,

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from zenoh_fixtures import eventually
 
-from yahboomd.core.bus.inbox import Inbox, Lane, carried_bytes
+from yahboomd.core.bus.inbox import Inbox, SampleLane, carried_bytes
 
 pytestmark = pytest.mark.realtime
 
@@ -195,7 +195,7 @@ def test_a_lane_accounts_for_every_entry(steps, depth):
         delivered.extend(batch)
         losses.append(lost)
 
-    lane = Lane(lambda _: None, handle, depth=depth)
+    lane = SampleLane(lambda _: None, handle, depth=depth)
     offered = 0
     for step in steps:
         if step is None:

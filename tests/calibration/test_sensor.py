@@ -9,10 +9,10 @@ import pytest
 
 from yahboomd.tools.calibrate.estimates.least_squares import Unseen
 from yahboomd.tools.calibrate.estimates.runs import Factors, Run, path
-from yahboomd.tools.calibrate.estimates.sensor import Mounting, Tracks, fit_to_sensor
+from yahboomd.tools.calibrate.estimates.sensor import SensorPose, Tracks, fit_to_sensor
 
 TRUE = Factors(scale=1.03, ratio=0.99, track=1.08)
-MOUNTED = Mounting(0.1, -0.03, 0.4)
+MOUNTED = SensorPose(0.1, -0.03, 0.4)
 TRACK_M = 0.17
 
 

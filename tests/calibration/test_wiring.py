@@ -10,7 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.tools.calibrate.estimates.wiring import HandTurn, Turn, judge, judge_by_hand, plain
+from yahboomd.tools.calibrate.estimates.wiring import (
+    HandTurn,
+    MotorTurn,
+    judge,
+    judge_by_hand,
+    plain,
+)
 
 WHEELS = ("front_left", "rear_left", "front_right", "rear_right")
 TICKS = 1320.0
@@ -43,17 +49,17 @@ class Robot(msgspec.Struct, kw_only=True):
         first, second, third, fourth = counts
         return first, second, third, fourth
 
-    def turns(self, positions: Iterable[int] = (1, 2, 3, 4)) -> list[Turn]:
+    def turns(self, positions: Iterable[int] = (1, 2, 3, 4)) -> list[MotorTurn]:
         wheel_of = {plug: wheel for wheel, plug in self.plugs.items()}
         found = []
         for position in positions:
             wheel = "" if position in self.dead_motors else wheel_of.get(position, "")
             if not wheel:
-                found.append(Turn(position=position, counts=(1, 0, -1, 2)))
+                found.append(MotorTurn(position=position, counts=(1, 0, -1, 2)))
                 continue
             # The output is positive: the motor's own idea of forward, and of its counts.
             found.append(
-                Turn(
+                MotorTurn(
                     position=position,
                     counts=self.counts(position, 1),
                     wheel=wheel,

@@ -13,7 +13,7 @@ from zenoh_fixtures import eventually, free_endpoint
 from yahboomd.core.bus import keys
 from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.options import BusOptions
-from yahboomd.core.bus.services import Request, Response
+from yahboomd.core.bus.services import BusQuery, Response
 from yahboomd.core.clock import SystemClock, nanoseconds
 from yahboomd.core.errors import BusError
 from yahboomd.core.messages.codecs import encode
@@ -56,7 +56,7 @@ class Daemon:
             status.put(encode(daemon_samples.status(), "json"))
             await asyncio.sleep(0.05)
 
-    def _answer(self, request: Request) -> Response:
+    def _answer(self, request: BusQuery) -> Response:
         self.asked.append(request.key)
         sample = self.samples[request.key]
         payload = sample if isinstance(sample, bytes) else encode(sample, "json")

@@ -8,16 +8,16 @@ from yahboomd.core.drive import limiter
 
 
 def test_the_default_limits_are_those_of_the_limiter_without_jerk():
-    assert Limits().linear.noun() == limiter.AxisLimits(
+    assert Limits().linear.noun() == limiter.AxisCaps(
         velocity=1.0, acceleration=2.5, deceleration=5.0
     )
-    assert Limits().angular.noun() == limiter.AxisLimits(
+    assert Limits().angular.noun() == limiter.AxisCaps(
         velocity=6.0, acceleration=12.0, deceleration=24.0
     )
 
 
 def test_what_is_missing_in_a_table_is_unlimited():
-    assert AxisLimits(velocity=1.0).noun() == limiter.AxisLimits(velocity=1.0)
+    assert AxisLimits(velocity=1.0).noun() == limiter.AxisCaps(velocity=1.0)
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, float("inf"), float("nan"), True, "1"])

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from yahboomd.core.config import Config
-from yahboomd.core.drive.arbitration import Source
+from yahboomd.core.drive.arbitration import AllowedSource
 from yahboomd.core.drive.kinematics import KINEMATICS, unit_geometry
 from yahboomd.core.errors import ConfigError
 from yahboomd.core.model import Motor
@@ -110,9 +110,9 @@ def test_a_source_without_a_timeout_has_the_common_one():
     assert Config().source_timeout_s("cmd_vel") == 0.5
     assert Config().source_timeout_s("cmd_vel/teleop") == 0.3
     assert Config().sources() == (
-        Source(name="cmd_vel", priority=10, timeout_s=0.5),
-        Source(name="cmd_vel/teleop", priority=100, timeout_s=0.3),
-        Source(name="cmd_vel/web", priority=50, timeout_s=0.3),
+        AllowedSource(name="cmd_vel", priority=10, timeout_s=0.5),
+        AllowedSource(name="cmd_vel/teleop", priority=100, timeout_s=0.3),
+        AllowedSource(name="cmd_vel/web", priority=50, timeout_s=0.3),
     )
 
 

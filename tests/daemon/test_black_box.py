@@ -16,12 +16,12 @@ import pytest
 
 from yahboomd.core.blackbox import saved_boxes as disk
 from yahboomd.core.blackbox.box_file import Box, read_box
-from yahboomd.core.blackbox.records import Decision, Ended, Happened
+from yahboomd.core.blackbox.records import DecisionRecord, Ended, Happened
 from yahboomd.core.blackbox.ring_file import RingFile, ring_folder, rings
 from yahboomd.core.blackbox.saved_boxes import saved_boxes
 from yahboomd.core.clock import LoopClock
 from yahboomd.core.config import read
-from yahboomd.core.daemon.black_box import AGAIN_S, REASONS, BlackBox, header
+from yahboomd.core.daemon.black_box import AGAIN_S, REASONS, BoxKeeper, header
 from yahboomd.core.link.tap import NO_TAP
 from yahboomd.core.model import Event, EventKind
 from yahboomd.simulation.virtual_time import on_virtual_time
@@ -54,7 +54,7 @@ class Rig:
         self.folder = folder / "state" / "blackbox"
         self.config = read(None, environ={}, overrides=overrides).config
         self.clock = LoopClock()
-        self.box = BlackBox(self.config, self.clock, self.environ)
+        self.box = BoxKeeper(self.config, self.clock, self.environ)
 
     def event(self, kind: EventKind) -> None:
         severity = KINDS[kind].severities[0]
@@ -330,9 +330,9 @@ async def test_who_drives_and_why_it_stands_is_in_it(tmp_path: Path) -> None:
         assert answer.success
         (box,) = rig.saved
     # Words that differ in an age are the same.
-    decisions = [each.meaning for each in box.records if isinstance(each.meaning, Decision)]
+    decisions = [each.meaning for each in box.records if isinstance(each.meaning, DecisionRecord)]
     assert decisions == [
-        Decision(state="standing", driver="", why="No command for 0.5 s: the last came.")
+        DecisionRecord(state="standing", driver="", why="No command for 0.5 s: the last came.")
     ]
 
 

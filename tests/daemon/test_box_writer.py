@@ -15,7 +15,7 @@ from yahboomd.core.blackbox.ring_file import RingFile, rings
 from yahboomd.core.clock import SystemClock
 from yahboomd.core.config import read
 from yahboomd.core.daemon.black_box import header
-from yahboomd.core.daemon.box_writer import BoxWriter, Outcome
+from yahboomd.core.daemon.box_writer import BoxOutcome, BoxWriter
 
 CLOCK = SystemClock()
 HEADER = header(read(None, environ={}, overrides=[]).config, CLOCK)
@@ -24,8 +24,8 @@ SAVED = structs.replace(
 )
 
 
-async def outcome_of(start) -> Outcome:
-    done: asyncio.Future[Outcome] = asyncio.get_running_loop().create_future()
+async def outcome_of(start) -> BoxOutcome:
+    done: asyncio.Future[BoxOutcome] = asyncio.get_running_loop().create_future()
     start(done.set_result)
     return await done
 

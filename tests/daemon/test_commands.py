@@ -12,7 +12,7 @@ from yahboomd.core.bus import keys
 from yahboomd.core.bus.subscriptions import Arrival
 from yahboomd.core.daemon.commands import ClockWatch, CommandIntake, PoseIntake
 from yahboomd.core.drive.arbiter import Arbiter
-from yahboomd.core.drive.arbitration import Source
+from yahboomd.core.drive.arbitration import AllowedSource
 from yahboomd.core.messages.set_pose import pose_message
 from yahboomd.core.messages.status_fields import REFUSALS
 from yahboomd.core.model import Event
@@ -41,7 +41,7 @@ class Scene:
     def __init__(self, *, holonomic: bool = False) -> None:
         self.clock = Hand()
         self.steps = 0
-        self.arbiter = Arbiter([Source(name="cmd_vel", priority=10)])
+        self.arbiter = Arbiter([AllowedSource(name="cmd_vel", priority=10)])
         self.intake = CommandIntake(
             self.arbiter,
             self.clock,  # type: ignore[arg-type]
@@ -83,7 +83,9 @@ def test_a_command_is_no_younger_for_a_process_that_is_held_up_between_two_clock
             return seen
 
     clock = HeldUp()
-    arbiter = Arbiter([Source(name="cmd_vel", priority=10, timeout_s=0.3)], stamps="absolute")
+    arbiter = Arbiter(
+        [AllowedSource(name="cmd_vel", priority=10, timeout_s=0.3)], stamps="absolute"
+    )
     intake = CommandIntake(
         arbiter,
         clock,  # type: ignore[arg-type]

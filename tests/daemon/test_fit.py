@@ -8,7 +8,7 @@ import pytest
 
 from yahboomd.core.config import read
 from yahboomd.core.daemon import assembly
-from yahboomd.core.daemon.fit import ControlOptions, Fit, fit, no_board
+from yahboomd.core.daemon.fit import BoardFit, ControlOptions, fit, no_board
 from yahboomd.core.drive.faults import Action, Fault, FaultKind
 from yahboomd.core.drive.kinematics import differential
 from yahboomd.core.link.handshake import Identity
@@ -64,7 +64,7 @@ SETTINGS = BoardSettings(
 )
 
 
-def held_against(settings: BoardSettings | None, dialect: str = "streamed") -> Fit:
+def held_against(settings: BoardSettings | None, dialect: str = "streamed") -> BoardFit:
     return fit(
         Identity(dialect=DIALECTS[dialect], settings=settings),
         kinematics=KINEMATICS,

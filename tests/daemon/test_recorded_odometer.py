@@ -87,6 +87,6 @@ async def test_poses_from_a_box_are_those_that_were_published_to_the_last_bit(
         records.Written,
         records.Anchor,
         records.Posed,
-        records.Command,
+        records.CommandRecord,
     } <= kinds
     assert compared > 400

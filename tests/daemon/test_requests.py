@@ -16,7 +16,7 @@ from robot_bench import RobotBench
 from yahboomd import __version__
 from yahboomd.core.bus import keys
 from yahboomd.core.bus.presence import Neighbour
-from yahboomd.core.bus.services import TOO_MANY, Request, Response
+from yahboomd.core.bus.services import TOO_MANY, BusQuery, Response
 from yahboomd.core.daemon.estop import latch
 from yahboomd.core.daemon.estop.latch_file import LatchFile
 from yahboomd.core.daemon.requests import Services
@@ -190,7 +190,9 @@ class Bus:
 
     def __init__(self, settle: Callable[[], bool]) -> None:
         self.order: list[str] = []
-        self.handlers: dict[str, Callable[[Request], Response | Coroutine[Any, Any, Response]]] = {}
+        self.handlers: dict[
+            str, Callable[[BusQuery], Response | Coroutine[Any, Any, Response]]
+        ] = {}
         self.settle = settle
         self.options: dict[str, dict[str, Any]] = {}
         self.raised: Callable[[int, int], None] = lambda count, unread: None
@@ -222,12 +224,12 @@ class Bus:
         else:
             self.raised(1, 0)
 
-    def serve(self, key: str, handler: Callable[[Request], Response], **options: Any) -> None:
+    def serve(self, key: str, handler: Callable[[BusQuery], Response], **options: Any) -> None:
         self.order.append(key)
         self.handlers[key] = handler
         self.options[key] = options
 
-    async def answer(self, asked: Request) -> Response:
+    async def answer(self, asked: BusQuery) -> Response:
         """The answer; that of an e-stop comes when it was sent and its latch is on file."""
         response = self.handlers[asked.key](asked)
         if isinstance(response, Response):
@@ -245,8 +247,10 @@ class Bus:
         return json.loads(response.payload)
 
 
-def request(key: str, payload: bytes, *, oversize: bool = False, harmless: bool = False) -> Request:
-    return Request(
+def request(
+    key: str, payload: bytes, *, oversize: bool = False, harmless: bool = False
+) -> BusQuery:
+    return BusQuery(
         key=key,
         selector=key,
         payload=payload,

@@ -14,7 +14,7 @@ from status_check import assert_registered
 from yahboomd.core.bus.presence import Neighbour
 from yahboomd.core.clock import LoopClock
 from yahboomd.core.config import Config
-from yahboomd.core.daemon.black_box import BlackBox
+from yahboomd.core.daemon.black_box import BoxKeeper
 from yahboomd.core.daemon.recorders import Recorders
 from yahboomd.core.daemon.status_sample import Status
 from yahboomd.core.messages.status_fields import ZEROS
@@ -43,7 +43,7 @@ def status(bench: RobotBench) -> Status:
         intake=bench.intake,
         supervisor=bench.supervisor,
         bus=bus,
-        box=BlackBox(OFF, bench.clock, {}),
+        box=BoxKeeper(OFF, bench.clock, {}),
         recorders=Recorders(),
         more_bus_facts=lambda: {"stamps_held_back": 1},
     )

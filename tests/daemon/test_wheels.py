@@ -6,7 +6,7 @@ from collections import Counter
 
 import pytest
 
-from yahboomd.core.daemon.fit import Fit
+from yahboomd.core.daemon.fit import BoardFit
 from yahboomd.core.daemon.wheels import Wheels
 from yahboomd.core.drive.kinematics import differential
 from yahboomd.core.model import Counts, Motor
@@ -18,7 +18,7 @@ MOTORS = (
     Motor(name="right", wheel=1, position=3, radius_m=0.0335, ticks_per_revolution=1320.0),
 )
 MOTION = per_motor(differential(separation_m=0.15), MOTORS, (1000.0, 1000.0), 1000)
-FIT = Fit(motion=MOTION, wheel_limits=MOTION.wheel_limits)
+FIT = BoardFit(motion=MOTION, wheel_limits=MOTION.wheel_limits)
 
 
 class Recorded:
@@ -159,7 +159,9 @@ def test_without_a_board_nothing_is_commanded(board: Recorded) -> None:
 
 def test_a_board_that_does_not_fit_is_event_no_speed(board: Recorded) -> None:
     wheels = make(board)
-    wheels.attach(board, Fit(motion=None, wheel_limits=(0.0, 0.0), wrong=("It stores zeros.",)))
+    wheels.attach(
+        board, BoardFit(motion=None, wheel_limits=(0.0, 0.0), wrong=("It stores zeros.",))
+    )
     # Not even zero, which would wake its speed loop: its motors are let go.
     for step in range(3):
         wheels.stand(step * 20 * MS, at_once=True)

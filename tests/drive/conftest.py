@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from yahboomd.core.drive.arbitration import Source
+from yahboomd.core.drive.arbitration import AllowedSource
 from yahboomd.core.drive.kinematics import differential, mecanum
 from yahboomd.core.model import Kinematics
 
@@ -20,9 +20,9 @@ def four_rollers() -> Kinematics:
 
 
 @pytest.fixture
-def sources() -> tuple[Source, ...]:
+def sources() -> tuple[AllowedSource, ...]:
     return (
-        Source(name="cmd_vel", priority=10, timeout_s=0.5),
-        Source(name="planner", priority=10, timeout_s=0.5),
-        Source(name="cmd_vel/teleop", priority=100, timeout_s=0.3),
+        AllowedSource(name="cmd_vel", priority=10, timeout_s=0.5),
+        AllowedSource(name="planner", priority=10, timeout_s=0.5),
+        AllowedSource(name="cmd_vel/teleop", priority=100, timeout_s=0.3),
     )

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from yahboomd.core.drive.arbiter import Arbiter
-from yahboomd.core.drive.arbitration import Accepted, Refused, Source
+from yahboomd.core.drive.arbitration import Accepted, AllowedSource, CommandRefused
 from yahboomd.core.errors import ConfigError
 from yahboomd.core.model import STANDSTILL, Twist2d
 
@@ -21,12 +21,12 @@ SLOWER = Twist2d(vx=0.2)
 
 
 @pytest.fixture
-def arbiter(sources: tuple[Source, ...]) -> Arbiter:
+def arbiter(sources: tuple[AllowedSource, ...]) -> Arbiter:
     return Arbiter(sources)
 
 
-def reason(result: Accepted | Refused) -> str | None:
-    return result.reason if isinstance(result, Refused) else None
+def reason(result: Accepted | CommandRefused) -> str | None:
+    return result.reason if isinstance(result, CommandRefused) else None
 
 
 def stand(arbiter: Arbiter, now_ns: int) -> None:
@@ -68,7 +68,7 @@ def test_a_source_that_ended_with_a_zero_command_did_not_fall_silent(arbiter: Ar
 
 @pytest.mark.parametrize(("on_timeout", "ramp"), [("ramp", True), ("halt", False)])
 def test_silence_ramps_or_halts_as_configured(
-    sources: tuple[Source, ...], on_timeout: str, ramp: bool
+    sources: tuple[AllowedSource, ...], on_timeout: str, ramp: bool
 ) -> None:
     arbiter = Arbiter(sources, on_timeout="ramp" if on_timeout == "ramp" else "halt")
     arbiter.offer("cmd_vel", FORWARD, 0)
@@ -123,7 +123,7 @@ def test_standstill_under_a_live_command_does_not_free_control(arbiter: Arbiter)
 
 
 def test_a_command_given_before_the_wheels_stood_does_not_take_control(
-    sources: tuple[Source, ...],
+    sources: tuple[AllowedSource, ...],
 ) -> None:
     arbiter = Arbiter(sources, stamps="absolute")
     arbiter.offer("cmd_vel/teleop", FORWARD, S, S, stamp_is_message=True)
@@ -159,7 +159,7 @@ def test_a_backlog_of_200_old_commands_in_4_ms_after_a_stall_moves_nothing(
     assert [reason(result) for result in results[5:]] == ["backlog"] * 195
     # The five before the sixth looked like any others. The sixth takes them back, 0.1 ms later.
     revoking = results[5]
-    assert isinstance(revoking, Refused)
+    assert isinstance(revoking, CommandRefused)
     assert revoking.revoked
     for now_ns in range(5 * S + 100_000, 6 * S, 10 * MS):
         decision = arbiter.current(now_ns)
@@ -215,7 +215,7 @@ def test_a_backlog_of_a_source_that_does_not_drive_revokes_nothing(arbiter: Arbi
     arbiter.offer("cmd_vel/teleop", FORWARD, 0)
     for n in range(20):
         result = arbiter.offer("cmd_vel", SLOWER, 10 * MS + n * 1000)
-        assert isinstance(result, Refused)
+        assert isinstance(result, CommandRefused)
         assert not result.revoked
     assert reason(result) == "backlog"
     assert arbiter.counters["revoked"] == 0
@@ -285,7 +285,7 @@ def test_a_command_that_was_under_way_is_good_for_the_rest_of_its_time(arbiter: 
 
 @pytest.mark.parametrize("by_sender", [True, False])
 def test_a_stamp_is_the_transports_unless_it_is_said_to_be_the_senders(
-    sources: tuple[Source, ...], by_sender: bool
+    sources: tuple[AllowedSource, ...], by_sender: bool
 ) -> None:
     arbiter = Arbiter(sources)
     kinds = {"stamp_is_message": True} if by_sender else {}
@@ -434,7 +434,7 @@ def test_forgotten_commands_move_nothing_and_anybody_may_take_over(arbiter: Arbi
 
 def test_two_sources_of_one_name_are_refused() -> None:
     with pytest.raises(ConfigError, match="twice"):
-        Arbiter([Source(name="a", priority=1), Source(name="a", priority=2)])
+        Arbiter([AllowedSource(name="a", priority=1), AllowedSource(name="a", priority=2)])
 
 
 STEP = st.tuples(
@@ -455,7 +455,7 @@ def test_motion_always_has_a_driver_whose_accepted_command_is_fresh(
     ranks = {"cmd_vel": 10, "planner": 10, "cmd_vel/teleop": 100}
     arbiter = Arbiter(
         [
-            Source(name=name, priority=ranks[name], timeout_s=timeout / S)
+            AllowedSource(name=name, priority=ranks[name], timeout_s=timeout / S)
             for name, timeout in timeouts.items()
         ],
         stamps="relative"
@@ -489,7 +489,7 @@ def test_motion_always_has_a_driver_whose_accepted_command_is_fresh(
             assert decision.twist == wish
             assert now_ns - given_ns < timeouts[decision.driver]
             assert not decision.timed_out
-        revoked = what == "offer" and isinstance(result, Refused) and result.revoked
+        revoked = what == "offer" and isinstance(result, CommandRefused) and result.revoked
         if revoked:
             # The driver before the backlog, or None.
             driver = decision.driver
@@ -502,7 +502,7 @@ def test_motion_always_has_a_driver_whose_accepted_command_is_fresh(
                 stood = False
 
 
-def drive_with_a_clock_off(arbiter: Arbiter, ahead_ns: int) -> list[Accepted | Refused]:
+def drive_with_a_clock_off(arbiter: Arbiter, ahead_ns: int) -> list[Accepted | CommandRefused]:
     """A second of stamped commands at 20 Hz; each arrives after 5 ms."""
     return [
         arbiter.offer(
@@ -519,7 +519,7 @@ def drive_with_a_clock_off(arbiter: Arbiter, ahead_ns: int) -> list[Accepted | R
 
 @pytest.mark.parametrize("ahead_ns", [3 * S, -3 * S, 5 * HOUR, -5 * HOUR, -EPOCH_NS + 60 * S])
 def test_a_clock_that_is_off_drives_and_is_named(
-    sources: tuple[Source, ...], ahead_ns: int
+    sources: tuple[AllowedSource, ...], ahead_ns: int
 ) -> None:
     arbiter = Arbiter(sources, stamps="relative")
     verdicts = drive_with_a_clock_off(arbiter, ahead_ns)
@@ -530,11 +530,11 @@ def test_a_clock_that_is_off_drives_and_is_named(
 
 @pytest.mark.parametrize("ahead_ns", [3 * S, -3 * S, 5 * HOUR, -5 * HOUR])
 def test_a_clock_that_is_off_is_named_where_it_is_refused(
-    sources: tuple[Source, ...], ahead_ns: int
+    sources: tuple[AllowedSource, ...], ahead_ns: int
 ) -> None:
     arbiter = Arbiter(sources, stamps="absolute")
     verdicts = drive_with_a_clock_off(arbiter, ahead_ns)
-    assert all(isinstance(verdict, Refused) for verdict in verdicts)
+    assert all(isinstance(verdict, CommandRefused) for verdict in verdicts)
     words = arbiter.clock_warnings(2 * S)["cmd_vel"]
     assert f"{abs(ahead_ns / 1e9 - 0.005):.2f} s" in words
     assert "All its commands are refused" in words
@@ -544,7 +544,9 @@ def test_a_clock_that_is_off_is_named_where_it_is_refused(
 
 
 @pytest.mark.parametrize("stamps", ["relative", "absolute"])
-def test_clocks_that_agree_are_not_warned_of(sources: tuple[Source, ...], stamps: str) -> None:
+def test_clocks_that_agree_are_not_warned_of(
+    sources: tuple[AllowedSource, ...], stamps: str
+) -> None:
     arbiter = Arbiter(sources, stamps="relative" if stamps == "relative" else "absolute")
     verdicts = drive_with_a_clock_off(arbiter, 0)
     assert all(isinstance(verdict, Accepted) for verdict in verdicts)
@@ -552,7 +554,7 @@ def test_clocks_that_agree_are_not_warned_of(sources: tuple[Source, ...], stamps
 
 
 def test_a_backlog_of_a_clock_that_is_off_is_refused_all_the_same(
-    sources: tuple[Source, ...],
+    sources: tuple[AllowedSource, ...],
 ) -> None:
     arbiter = Arbiter(sources, stamps="relative")
     drive_with_a_clock_off(arbiter, -3 * S)

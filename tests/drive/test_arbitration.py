@@ -5,7 +5,13 @@ from typing import get_args
 import pytest
 
 from yahboomd.core.drive.age import AgeRefusal
-from yahboomd.core.drive.arbitration import Accepted, Decision, Reason, Refused, Source
+from yahboomd.core.drive.arbitration import (
+    Accepted,
+    AllowedSource,
+    CommandRefused,
+    Decision,
+    Reason,
+)
 from yahboomd.core.model import STANDSTILL
 
 
@@ -21,11 +27,11 @@ def test_whatever_is_wrong_with_a_commands_age_is_a_reason_to_refuse_it() -> Non
 
 
 def test_a_refusal_takes_nothing_back_unless_it_says_so() -> None:
-    assert not Refused(source="cmd_vel", reason="stale", detail="Old.").revoked
+    assert not CommandRefused(source="cmd_vel", reason="stale", detail="Old.").revoked
 
 
 def test_a_command_without_a_timeout_of_its_source_is_good_for_half_a_second() -> None:
-    assert Source(name="cmd_vel", priority=10).timeout_s == 0.5
+    assert AllowedSource(name="cmd_vel", priority=10).timeout_s == 0.5
 
 
 @pytest.mark.parametrize(
@@ -33,8 +39,8 @@ def test_a_command_without_a_timeout_of_its_source_is_good_for_half_a_second() -
     [
         (Decision(), "twist"),
         (Accepted(source="cmd_vel"), "took_over"),
-        (Refused(source="cmd_vel", reason="stale", detail="Old."), "revoked"),
-        (Source(name="cmd_vel", priority=10), "priority"),
+        (CommandRefused(source="cmd_vel", reason="stale", detail="Old."), "revoked"),
+        (AllowedSource(name="cmd_vel", priority=10), "priority"),
     ],
 )
 def test_what_was_said_is_not_changed_afterwards(noun: object, field: str) -> None:

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from yahboomd.core.drive.age import Age, StampPolicy
-from yahboomd.core.drive.arbitration import Source
+from yahboomd.core.drive.arbitration import AllowedSource
 from yahboomd.core.drive.command_source import CommandSource
 from yahboomd.core.model import STANDSTILL, Twist2d
 
@@ -13,7 +13,7 @@ FORWARD = Twist2d(vx=0.2)
 
 
 def source(stamps: StampPolicy = "relative") -> CommandSource:
-    return CommandSource(Source(name="cmd_vel", priority=10, timeout_s=0.5), stamps)
+    return CommandSource(AllowedSource(name="cmd_vel", priority=10, timeout_s=0.5), stamps)
 
 
 def offer(

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from yahboomd.core.drive.curve import Curve
 from yahboomd.core.drive.kinematics import ackermann, differential
-from yahboomd.core.drive.limiter import AxisLimits, Limiter
+from yahboomd.core.drive.limiter import AxisCaps, Limiter
 from yahboomd.core.model import STANDSTILL, Twist2d
 
 R2 = ackermann(separation_m=0.1911, base_m=0.23537, steering_max_rad=math.pi / 4.0)
@@ -71,7 +71,7 @@ def test_a_wish_beyond_the_limits_is_slower_along_the_same_curve() -> None:
 
 
 def test_ramps_keep_the_curve_from_standstill_to_standstill() -> None:
-    limiter = Limiter(AxisLimits(acceleration=1.0, deceleration=2.0), AxisLimits(acceleration=9.0))
+    limiter = Limiter(AxisCaps(acceleration=1.0, deceleration=2.0), AxisCaps(acceleration=9.0))
     made = curve()
     for wish in [Twist2d(vx=0.5, wz=1.0)] * 40 + [STANDSTILL] * 40:
         twist = made.ramped(limiter.limit(made.steer(wish)[0], 0.02))

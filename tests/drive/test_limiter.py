@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.core.drive.limiter import AxisLimits, Limiter
+from yahboomd.core.drive.limiter import AxisCaps, Limiter
 from yahboomd.core.errors import ConfigError
 from yahboomd.core.model import STANDSTILL, Twist2d
 
-DEFAULT = AxisLimits(velocity=1.0, acceleration=2.5, deceleration=5.0)
+DEFAULT = AxisCaps(velocity=1.0, acceleration=2.5, deceleration=5.0)
 RATES = st.none() | st.floats(0.1, 20.0)
 LIMITS = st.builds(
-    AxisLimits,
+    AxisCaps,
     velocity=st.none() | st.floats(0.0, 3.0),
     acceleration=RATES,
     deceleration=RATES,
@@ -24,18 +24,18 @@ STEPS = st.lists(st.tuples(st.floats(-3.0, 3.0), st.floats(0.0005, 0.1)), min_si
 EPS = 1e-9
 
 
-def limiter(limits: AxisLimits) -> Limiter:
-    return Limiter(limits, AxisLimits())
+def limiter(limits: AxisCaps) -> Limiter:
+    return Limiter(limits, AxisCaps())
 
 
-def clamped(wish: float, limits: AxisLimits) -> float:
+def clamped(wish: float, limits: AxisCaps) -> float:
     most = math.inf if limits.velocity is None else limits.velocity
     return max(-most, min(most, wish))
 
 
 @given(LIMITS, STEPS)
 def test_every_step_ends_between_where_it_started_and_the_wish(
-    limits: AxisLimits, steps: list[tuple[float, float]]
+    limits: AxisCaps, steps: list[tuple[float, float]]
 ) -> None:
     ramp = limiter(limits)
     for wish, dt_s in steps:
@@ -47,7 +47,7 @@ def test_every_step_ends_between_where_it_started_and_the_wish(
 
 @given(LIMITS, STEPS)
 def test_the_speed_grows_by_acceleration_and_falls_by_deceleration(
-    limits: AxisLimits, steps: list[tuple[float, float]]
+    limits: AxisCaps, steps: list[tuple[float, float]]
 ) -> None:
     ramp = limiter(limits)
     faster = math.inf if limits.acceleration is None else limits.acceleration
@@ -62,7 +62,7 @@ def test_the_speed_grows_by_acceleration_and_falls_by_deceleration(
 
 
 @given(LIMITS, STEPS)
-def test_the_velocity_limit_holds(limits: AxisLimits, steps: list[tuple[float, float]]) -> None:
+def test_the_velocity_limit_holds(limits: AxisCaps, steps: list[tuple[float, float]]) -> None:
     ramp = limiter(limits)
     for wish, dt_s in steps:
         assert abs(ramp.limit(Twist2d(vx=wish), dt_s).vx) <= (limits.velocity or math.inf) or (
@@ -74,7 +74,7 @@ def test_the_velocity_limit_holds(limits: AxisLimits, steps: list[tuple[float, f
 def test_the_jerk_limit_holds_on_the_way_to_a_wish(
     jerk: float, rate: float, wish: float, dt_s: float
 ) -> None:
-    ramp = limiter(AxisLimits(acceleration=rate, deceleration=rate, jerk=jerk))
+    ramp = limiter(AxisCaps(acceleration=rate, deceleration=rate, jerk=jerk))
     speeds = [0.0, 0.0]
     for _ in range(200):
         speeds.append(ramp.limit(Twist2d(vx=wish), dt_s).vx)
@@ -91,7 +91,7 @@ def test_the_jerk_limit_holds_on_the_way_to_a_wish(
 def test_jerk_limited_motion_stops_for_good_without_swinging(
     jerk: float, rate: float, start: float, lengths: list[float]
 ) -> None:
-    ramp = limiter(AxisLimits(acceleration=rate, deceleration=rate, jerk=jerk))
+    ramp = limiter(AxisCaps(acceleration=rate, deceleration=rate, jerk=jerk))
     ramp.reset(Twist2d(vx=start))
     # Building the rate up and taking it back costs at most 2 sqrt(v / j), or v / a + a / j.
     bound_s = 2.0 * math.sqrt(abs(start) / jerk) + abs(start) / rate + rate / jerk
@@ -106,7 +106,7 @@ def test_jerk_limited_motion_stops_for_good_without_swinging(
 
 
 def test_a_stop_in_the_middle_of_speeding_up_never_speeds_up_first() -> None:
-    ramp = limiter(AxisLimits(acceleration=2.5, deceleration=5.0, jerk=10.0))
+    ramp = limiter(AxisCaps(acceleration=2.5, deceleration=5.0, jerk=10.0))
     for _ in range(20):
         ramp.limit(Twist2d(vx=1.0), 0.02)
     speeds = [ramp.current.vx] + [ramp.limit(STANDSTILL, 0.02).vx for _ in range(60)]
@@ -116,12 +116,12 @@ def test_a_stop_in_the_middle_of_speeding_up_never_speeds_up_first() -> None:
 
 
 def test_a_wish_that_one_step_of_jerk_reaches_is_reached_in_one_step() -> None:
-    ramp = limiter(AxisLimits(jerk=10.0))
+    ramp = limiter(AxisCaps(jerk=10.0))
     assert ramp.limit(Twist2d(vx=0.1), 0.1).vx == 0.1
 
 
 def test_after_a_wish_that_is_met_early_the_rate_is_zero() -> None:
-    ramp = limiter(AxisLimits(acceleration=2.5, jerk=10.0))
+    ramp = limiter(AxisCaps(acceleration=2.5, jerk=10.0))
     for _ in range(20):
         near = ramp.limit(Twist2d(vx=5.0), 0.02).vx + 0.01
     assert ramp.limit(Twist2d(vx=near), 0.02).vx == near
@@ -145,14 +145,14 @@ def test_turning_round_decelerates_to_zero_before_it_accelerates() -> None:
 
 
 def test_missing_limits_let_everything_through_at_once() -> None:
-    ramp = limiter(AxisLimits())
+    ramp = limiter(AxisCaps())
     assert ramp.limit(Twist2d(vx=5.0, vy=-4.0, wz=9.0), 1e-6) == Twist2d(vx=5.0, vy=-4.0, wz=9.0)
     assert ramp.limit(Twist2d(vx=-5.0), 1e-6) == Twist2d(vx=-5.0)
     assert ramp.limit(Twist2d(vx=1e300, wz=-1e300), 1e-6) == Twist2d(vx=1e9, wz=-1e9)
 
 
 def test_each_axis_has_its_own_limits() -> None:
-    ramp = Limiter(DEFAULT, AxisLimits(acceleration=12.0))
+    ramp = Limiter(DEFAULT, AxisCaps(acceleration=12.0))
     moved = ramp.limit(Twist2d(vx=1.0, vy=-1.0, wz=3.0), 0.02)
     assert (moved.vx, moved.vy, moved.wz) == pytest.approx((0.05, -0.05, 0.24))
 
@@ -160,13 +160,13 @@ def test_each_axis_has_its_own_limits() -> None:
 @pytest.mark.parametrize("dt_s", [0.0, -1.0])
 @pytest.mark.parametrize("jerk", [None, 10.0])
 def test_a_step_of_no_time_changes_nothing(dt_s: float, jerk: float | None) -> None:
-    ramp = limiter(AxisLimits(acceleration=2.5, jerk=jerk))
+    ramp = limiter(AxisCaps(acceleration=2.5, jerk=jerk))
     before = ramp.limit(Twist2d(vx=1.0), 0.02)
     assert ramp.limit(Twist2d(vx=-1.0), dt_s) == before
 
 
 def test_halt_stands_at_once_and_forgets_the_acceleration() -> None:
-    ramp = limiter(AxisLimits(acceleration=2.5, jerk=10.0))
+    ramp = limiter(AxisCaps(acceleration=2.5, jerk=10.0))
     for _ in range(10):
         ramp.limit(Twist2d(vx=1.0), 0.02)
     assert ramp.halt() == STANDSTILL
@@ -179,8 +179,8 @@ def test_a_long_pause_does_not_let_the_next_command_through_whole() -> None:
 
 
 @pytest.mark.parametrize("wish", [math.nan, math.inf, -math.inf])
-@pytest.mark.parametrize("limits", [DEFAULT, AxisLimits(jerk=5.0, deceleration=5.0)])
-def test_a_wish_that_is_no_number_asks_for_standstill(wish: float, limits: AxisLimits) -> None:
+@pytest.mark.parametrize("limits", [DEFAULT, AxisCaps(jerk=5.0, deceleration=5.0)])
+def test_a_wish_that_is_no_number_asks_for_standstill(wish: float, limits: AxisCaps) -> None:
     ramp = limiter(limits)
     ramp.reset(Twist2d(vx=0.5))
     for _ in range(100):
@@ -190,7 +190,7 @@ def test_a_wish_that_is_no_number_asks_for_standstill(wish: float, limits: AxisL
 
 
 @given(LIMITS, st.lists(st.floats(allow_nan=True, allow_infinity=True), max_size=8))
-def test_speeds_stay_numbers_whatever_is_wished(limits: AxisLimits, wishes: list[float]) -> None:
+def test_speeds_stay_numbers_whatever_is_wished(limits: AxisCaps, wishes: list[float]) -> None:
     ramp = limiter(limits)
     for wish in wishes:
         assert math.isfinite(ramp.limit(Twist2d(vx=wish), 0.02).vx)
@@ -199,25 +199,25 @@ def test_speeds_stay_numbers_whatever_is_wished(limits: AxisLimits, wishes: list
 @pytest.mark.parametrize(
     ("limits", "name"),
     [
-        (AxisLimits(velocity=-1.0), "velocity"),
-        (AxisLimits(acceleration=0.0), "acceleration"),
-        (AxisLimits(deceleration=0.0), "deceleration"),
-        (AxisLimits(jerk=math.nan), "jerk"),
+        (AxisCaps(velocity=-1.0), "velocity"),
+        (AxisCaps(acceleration=0.0), "acceleration"),
+        (AxisCaps(deceleration=0.0), "deceleration"),
+        (AxisCaps(jerk=math.nan), "jerk"),
     ],
 )
-def test_a_limit_that_cannot_work_is_refused(limits: AxisLimits, name: str) -> None:
+def test_a_limit_that_cannot_work_is_refused(limits: AxisCaps, name: str) -> None:
     with pytest.raises(ConfigError, match=f"limits.linear.{name}"):
         limiter(limits)
 
 
 def test_a_velocity_limit_of_zero_keeps_the_axis_still() -> None:
-    assert limiter(AxisLimits(velocity=0.0)).limit(Twist2d(vx=1.0), 0.1).vx == 0.0
+    assert limiter(AxisCaps(velocity=0.0)).limit(Twist2d(vx=1.0), 0.1).vx == 0.0
 
 
 def test_a_wish_beyond_the_velocity_limit_is_known_to_be_clipped() -> None:
-    limiter = Limiter(AxisLimits(velocity=0.5), AxisLimits(velocity=2.0))
+    limiter = Limiter(AxisCaps(velocity=0.5), AxisCaps(velocity=2.0))
     assert not limiter.clips(Twist2d(vx=0.5, vy=-0.5, wz=-2.0))
     assert limiter.clips(Twist2d(vx=-0.51))
     assert limiter.clips(Twist2d(vy=0.51))
     assert limiter.clips(Twist2d(wz=2.1))
-    assert not Limiter(AxisLimits(), AxisLimits()).clips(Twist2d(vx=100.0, wz=100.0))
+    assert not Limiter(AxisCaps(), AxisCaps()).clips(Twist2d(vx=100.0, wz=100.0))

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from yahboomd.core.drive.faults import Fault
-from yahboomd.core.drive.limiter import AxisLimits, Limiter
+from yahboomd.core.drive.limiter import AxisCaps, Limiter
 from yahboomd.core.drive.motor_watch import MotorWatch
 from yahboomd.core.drive.wheels_check import WheelsCheck
 from yahboomd.core.model import Twist2d
@@ -98,7 +98,7 @@ def drive(
 
 def ramped(wishes: list[tuple[int, float]], until_ns: int) -> list[tuple[int, float | None]]:
     """The wishes as the limiter passes them, at 50 Hz."""
-    limiter = Limiter(AxisLimits(velocity=1.0, acceleration=2.5, deceleration=5.0), AxisLimits())
+    limiter = Limiter(AxisCaps(velocity=1.0, acceleration=2.5, deceleration=5.0), AxisCaps())
     schedule, wish = deque(wishes), 0.0
     commands: list[tuple[int, float | None]] = []
     for now_ns in range(0, until_ns, 20 * MS):

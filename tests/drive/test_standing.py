@@ -6,7 +6,7 @@ from msgspec import structs
 from yahboomd.core.drive.arbitration import Decision, Why
 from yahboomd.core.drive.estop import Latched
 from yahboomd.core.drive.holds import BOARD_RESET, FAULT, WAITING_FOR_BOARD, Hold
-from yahboomd.core.drive.limiter import AxisLimits
+from yahboomd.core.drive.limiter import AxisCaps
 from yahboomd.core.drive.standing import reasons, state_of
 from yahboomd.core.model import Twist2d
 
@@ -75,20 +75,20 @@ def test_a_hold_that_ends_by_itself_says_when() -> None:
 
 
 def test_a_velocity_limit_of_zero_is_named() -> None:
-    (found,) = reasons(S, decision=DRIVING, linear=AxisLimits(velocity=0.0))
+    (found,) = reasons(S, decision=DRIVING, linear=AxisCaps(velocity=0.0))
     assert found.kind == "limit_zero"
     assert "limits.linear.velocity = 0" in found.message
 
 
 def test_a_turn_that_a_limit_of_zero_forbids_is_named() -> None:
     decision = Decision(twist=Twist2d(wz=0.5), driver="cmd_vel", why="driving")
-    (found,) = reasons(S, decision=decision, angular=AxisLimits(velocity=0.0))
+    (found,) = reasons(S, decision=decision, angular=AxisCaps(velocity=0.0))
     assert found.kind == "limit_zero"
     assert "limits.angular.velocity = 0" in found.message
 
 
 def test_a_limit_of_zero_on_another_axis_is_no_reason() -> None:
-    assert reasons(S, decision=DRIVING, angular=AxisLimits(velocity=0.0)) == ()
+    assert reasons(S, decision=DRIVING, angular=AxisCaps(velocity=0.0)) == ()
 
 
 def test_sideways_motion_on_a_base_that_cannot_is_named() -> None:
@@ -134,15 +134,15 @@ def test_people_read_of_the_page_and_not_of_its_key() -> None:
 
 
 def test_limits_that_leave_a_crawl_are_named_unless_another_axis_moves_as_wished() -> None:
-    crawl = AxisLimits(velocity=0.001)
+    crawl = AxisCaps(velocity=0.001)
     (found,) = reasons(S, decision=DRIVING, linear=crawl)
     assert found.kind == "limit_slow"
     assert "limits.linear.velocity = 0.001" in found.message
-    (found,) = reasons(S, decision=DRIVING, linear=AxisLimits(velocity=1.0, acceleration=0.002))
+    (found,) = reasons(S, decision=DRIVING, linear=AxisCaps(velocity=1.0, acceleration=0.002))
     assert "limits.linear.acceleration = 0.002" in found.message
     turning = structs.replace(DRIVING, twist=Twist2d(vx=0.3, wz=1.0))
     assert reasons(S, decision=turning, linear=crawl) == ()
-    (found,) = reasons(S, decision=turning, linear=crawl, angular=AxisLimits(velocity=0.01))
+    (found,) = reasons(S, decision=turning, linear=crawl, angular=AxisCaps(velocity=0.01))
     assert "limits.angular.velocity = 0.01" in found.message
     # Who commands a crawl gets one.
     slow = structs.replace(DRIVING, twist=Twist2d(vx=0.001))

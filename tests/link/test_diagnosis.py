@@ -13,15 +13,15 @@ from hypothesis import strategies as st
 
 from yahboomd.core.errors import BoardSilent, LinkError, PortBusy, PortDenied, PortMissing
 from yahboomd.core.link.discovery import Candidate
-from yahboomd.core.link.line import Heard
+from yahboomd.core.link.line import ReceivedSample
 from yahboomd.core.protocol.dialect import FramerCounters
 from yahboomd.tools.stop.diagnosis import busy, hints, what_was_heard
 
 NOWHERE = Path("/nonexistent/sysfs")
 
 
-def heard(data: bytes) -> Heard:
-    return Heard(start=data, counters=FramerCounters(bytes=len(data)))
+def heard(data: bytes) -> ReceivedSample:
+    return ReceivedSample(start=data, counters=FramerCounters(bytes=len(data)))
 
 
 def test_a_missing_port_names_those_that_are_there() -> None:

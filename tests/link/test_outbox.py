@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.core.link.outbox import Lane, Outbox, Request
+from yahboomd.core.link.outbox import FrameLane, Outbox, Question
 
 
-def request(frame: bytes) -> Request:
-    return Request(frame=frame, answered=lambda _: False, timeout_ns=1, done=lambda _: None)
+def request(frame: bytes) -> Question:
+    return Question(frame=frame, answered=lambda _: False, timeout_ns=1, done=lambda _: None)
 
 
 @pytest.fixture
@@ -40,7 +40,7 @@ def test_a_stop_goes_out_while_an_answer_is_awaited(outbox: Outbox) -> None:
     outbox.stop((b"brake",))
     outgoing = outbox.take(0, busy=True)
     assert outgoing is not None
-    assert outgoing.lane is Lane.STOP
+    assert outgoing.lane is FrameLane.STOP
 
 
 def test_the_newest_velocity_wins_and_the_replaced_one_is_counted(outbox: Outbox) -> None:
@@ -104,5 +104,5 @@ def test_a_flood_of_velocities_starves_neither_polls_nor_requests(turns: int) ->
         outgoing = outbox.take(turn, busy=False)
         assert outgoing is not None
         lanes.append(outgoing.lane)
-    assert lanes.count(Lane.POLL) >= turns // 2
-    assert lanes.count(Lane.VELOCITY) >= turns // 2
+    assert lanes.count(FrameLane.POLL) >= turns // 2
+    assert lanes.count(FrameLane.VELOCITY) >= turns // 2

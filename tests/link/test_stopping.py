@@ -18,7 +18,7 @@ from yahboomd.core.link.stopping import (
     stop_unidentified,
 )
 from yahboomd.core.protocol.dialect import Totals
-from yahboomd.core.protocol.four_channel.framing import RESYNC, Framer
+from yahboomd.core.protocol.four_channel.framing import RESYNC, LineFramer
 from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.simulation.motors import MotorFaults
 from yahboomd.simulation.options import SimulationOptions
@@ -36,7 +36,7 @@ class Scene:
         self.port = QueueingPort(self.robot, line or Line())
         self.dialect = DIALECTS[dialect]
         self.watch = StandstillWatch(190.0)
-        self.framer = Framer()
+        self.framer = LineFramer()
         self.deaf = False
         self.port.listen(self.data, lambda _: None)
 

@@ -6,7 +6,7 @@ import pytest
 from board_bench import LinkBench
 
 from yahboomd.core.errors import BoardError, ConfigError
-from yahboomd.core.link.storing import STORE_ATTEMPTS, Progress, Step, Storing, store
+from yahboomd.core.link.storing import STORE_ATTEMPTS, Progress, Storing, StoringStep, store
 from yahboomd.core.protocol.dialect import Dialect
 from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.core.protocol.settings import BoardSettings, SettingWrite
@@ -248,7 +248,7 @@ async def test_progress_is_reported_as_it_happens() -> None:
         ) -> None:
             self.steps.append(f"{len(writes)} values, dead zone {had['deadzone']}")
 
-        def stored(self, step: Step, has: BoardSettings) -> None:
+        def stored(self, step: StoringStep, has: BoardSettings) -> None:
             self.steps.append(f"{step.write.reply_to} {step.outcome}, dead zone {has['deadzone']}")
 
     listening = Listening()

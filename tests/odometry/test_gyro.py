@@ -14,7 +14,7 @@ from yahboomd.core.odometry.gyro import (
     SATURATED_SHARE,
     SILENT_NS,
     Gyro,
-    Turn,
+    GyroTurn,
 )
 
 MS = 1_000_000
@@ -159,7 +159,7 @@ def test_samples_out_of_order_change_nothing(sampled: Sampled) -> None:
 
 def test_before_its_first_sample_there_is_no_gyro_and_nothing_is_wrong() -> None:
     gyro = Gyro()
-    assert gyro.turn(10**12) == Turn(angle=0.0, rate_rad_s=0.0, noise=0.0, held=0.0)
+    assert gyro.turn(10**12) == GyroTurn(angle=0.0, rate_rad_s=0.0, noise=0.0, held=0.0)
     assert (gyro.present, gyro.believed, gyro.problem) == (False, False, None)
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from yahboomd.core.model import ImuReading, ImuSensor, Twist2d
 from yahboomd.core.odometry.imu_axes import Mounting, axes_problem
-from yahboomd.simulation.imu import GRAVITY_M_S2, Imu, ImuOptions
+from yahboomd.simulation.imu import GRAVITY_M_S2, ImuModel, ImuOptions
 
 SENSOR = ImuSensor(
     name="any",
@@ -27,7 +27,7 @@ ROTATIONS = [axes for axes in ALL if not axes_problem(axes, rotation=True)]
 
 
 def shown(axes: str) -> ImuReading:
-    sample = Imu(ImuOptions(axes=axes), Random(1)).sample(0, Twist2d(vx=1.0, wz=0.5), 0.0)
+    sample = ImuModel(ImuOptions(axes=axes), Random(1)).sample(0, Twist2d(vx=1.0, wz=0.5), 0.0)
     return ImuReading(
         sensor=SENSOR,
         sent_ns=0,

@@ -4,14 +4,14 @@ import math
 
 import pytest
 
-from yahboomd.core.odometry.velocity import Velocity
+from yahboomd.core.odometry.velocity import VelocityEstimator
 
 MS = 1_000_000
 
 
 @pytest.fixture
 def velocity(kit):
-    made = Velocity(kit.differential(), kit.motors())
+    made = VelocityEstimator(kit.differential(), kit.motors())
     made.interrupt((0, 0))
     return made
 
@@ -28,7 +28,7 @@ def run(velocity, path, step_ms=10):
 
 def test_a_steady_speed_reads_true_within_one_tick_of_its_window(velocity, kit):
     for speed in (0.01, 0.05, 0.2, 0.5, 1.0):
-        fresh = Velocity(kit.differential(), kit.motors())
+        fresh = VelocityEstimator(kit.differential(), kit.motors())
         fresh.interrupt((0, 0))
         ticks = speed * 0.010 / kit.tick_m
         read = run(fresh, [ticks * n for n in range(1, 200)])[20:]
@@ -76,7 +76,7 @@ def test_an_interruption_is_not_looked_across(velocity):
 
 
 def test_without_two_readings_there_is_no_speed(kit):
-    velocity = Velocity(kit.differential(), kit.motors())
+    velocity = VelocityEstimator(kit.differential(), kit.motors())
     window = velocity.measure((7, 7), 10 * MS)
     assert window.span_ns == 0
     assert velocity.motor_speeds(window) == (0.0, 0.0)
@@ -136,7 +136,7 @@ def test_a_speed_is_as_uncertain_as_the_period_that_it_is_taken_with(velocity):
     [((1, 1, 1, 1), (1, 0, 0)), ((-1, 1, -1, 1), (0, 1, 0)), ((-1, -1, 1, 1), (0, 0, 5))],
 )
 def test_a_twist_is_what_the_wheels_make_of_it_in_every_direction(kit, ways, twist):
-    velocity = Velocity(kit.mecanum(), kit.motors((0, 1, 2, 3)))
+    velocity = VelocityEstimator(kit.mecanum(), kit.motors((0, 1, 2, 3)))
     velocity.interrupt((0, 0, 0, 0))
     for n in range(1, 6):
         window = velocity.measure(tuple(60 * n * way for way in ways), 20 * MS)

@@ -12,10 +12,10 @@ import msgspec
 from yahboomd.core.model import Counts
 from yahboomd.simulation.board import BOOT_NS, NEVER, Emit
 from yahboomd.simulation.boards import BoardKind
-from yahboomd.simulation.imu import Imu, ImuOptions
+from yahboomd.simulation.imu import ImuModel, ImuOptions
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.plant import Plant
-from yahboomd.simulation.speed_loop import TICK_NS, MotorControl, Tuning
+from yahboomd.simulation.speed_loop import TICK_NS, LoopSettings, MotorControl
 
 REPORT_NS = 40_000_000
 IMU_LAG_NS = 20_000_000
@@ -24,7 +24,7 @@ CARRY_OUT_NS = 200_000
 QUEUE = 8
 FASTEST_MM_S = 1000
 
-TUNING = Tuning(
+TUNING = LoopSettings(
     mm_s_per_tick=100.0 * 3.141592653589793 * 67.0 / 1320.0, p=0.8, i=0.06, d=0.5, dead_zone=1600
 )
 
@@ -44,7 +44,7 @@ class BinaryBoard:
     ) -> None:
         self.emit = emit
         self.flash = options.flash if isinstance(options.flash, Stored) else Stored()
-        self.imu = None if self.flash.imu is None else Imu(self.flash.imu, random)
+        self.imu = None if self.flash.imu is None else ImuModel(self.flash.imu, random)
         self._plant = plant
         self._control = MotorControl(plant, options.initial_ticks, options.loop_gain)
         self._major, self._minor = (

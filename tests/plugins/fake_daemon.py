@@ -19,7 +19,7 @@ from yahboomd.core.bus import keys
 from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.options import BusOptions
 from yahboomd.core.bus.publishers import BusPublisher
-from yahboomd.core.bus.services import Request, Response
+from yahboomd.core.bus.services import BusQuery, Response
 from yahboomd.core.bus.subscriptions import Arrival
 from yahboomd.core.messages.codecs import encode
 from yahboomd.core.messages.native import ServiceReply, StatusSample
@@ -119,17 +119,17 @@ class FakeDaemon:
     def _take(self, arrivals: list[Arrival]) -> None:
         self.commands += [msgspec.json.decode(arrival.payload) for arrival in arrivals]
 
-    def _tell_status(self, _request: Request) -> Response:
+    def _tell_status(self, _request: BusQuery) -> Response:
         return Response(payload=self.payloads.get(keys.STATUS) or encode(self.status, "json"))
 
-    def _tell_config(self, _request: Request) -> Response:
+    def _tell_config(self, _request: BusQuery) -> Response:
         return _answer(True, "The configuration in effect.", self.config)
 
-    def _estop(self, request: Request) -> Response:
+    def _estop(self, request: BusQuery) -> Response:
         self.asked.append(request.key)
         return _answer(True, "The emergency stop is engaged.")
 
-    def _reset(self, request: Request) -> Response:
+    def _reset(self, request: BusQuery) -> Response:
         self.asked.append(request.key)
         words = "Released." if self.releases else "Not released: cmd_vel commands motion."
         return _answer(self.releases, words)

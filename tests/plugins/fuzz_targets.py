@@ -49,7 +49,7 @@ from yahboomd.core.protocol.four_channel.framing import (
     MAX_HELD_BYTES,
     RESYNC,
     Frame,
-    Framer,
+    LineFramer,
     TextLine,
 )
 from yahboomd.core.protocol.four_channel.polled import MAX_SPEED
@@ -68,9 +68,9 @@ REASONS = {
 
 def framer(data: bytes) -> None:
     """The output depends on the bytes alone, every byte is accounted for, little is kept."""
-    whole = Framer()
+    whole = LineFramer()
     items = whole.feed(data)
-    cut = Framer()
+    cut = LineFramer()
     pieces: list[Frame | TextLine] = []
     # The cuts depend on the input, so that a failure can be replayed.
     chance = Random(data)
@@ -142,7 +142,7 @@ def rosmaster(data: bytes) -> None:
 
 
 def _dialect(dialect: Dialect, data: bytes) -> None:
-    items = Framer().feed(data)
+    items = LineFramer().feed(data)
     decoded = [dialect.decode(item) for item in items]
     for item, meaning in zip(items, decoded, strict=True):
         _in_range(meaning)

@@ -18,7 +18,7 @@ from weak_network import WeakNetwork
 
 from benchmarks.soak.processes import DAEMON_NICE, prefer
 from benchmarks.soak.tail import Tail
-from yahboomd.simulation.heard import Heard
+from yahboomd.simulation.heard import HostBytes
 
 SPEEDS = re.compile(r"\$spd:([-\d,]+)#")
 
@@ -61,7 +61,7 @@ class PageBench:
         self.browser = browser
         heard = folder / "heard"
         self.robot = RealRobot(folder, simulate=["--heard", str(heard), *simulate], run=run)
-        self._wire = Tail(heard, Heard)
+        self._wire = Tail(heard, HostBytes)
         self._moved_ns: list[int] = []
         self.port = int(free_endpoint().rsplit(":", 1)[1])
         self._listen = f"{listen}:{self.port}"

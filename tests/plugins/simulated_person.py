@@ -14,9 +14,9 @@ from yahboomd.core.drive.kinematics import unit_geometry
 from yahboomd.core.errors import Refused
 from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.simulation.motors import FAULTS, HEALTHY, MotorFaults, joined
-from yahboomd.tools.calibrate.estimates.wiring import WiredMotor, Wiring
+from yahboomd.tools.calibrate.estimates.wiring import WiredMotor, WiringFound
 from yahboomd.tools.setup.description import Description, Given
-from yahboomd.tools.setup.outcome import Outcome
+from yahboomd.tools.setup.outcome import SetupOutcome
 from yahboomd.tools.setup.robot_drawing import CORNERS
 from yahboomd.tools.setup.setup_wizard import Wizard
 
@@ -174,7 +174,7 @@ async def set_up(
     person: SimulatedPerson | None = None,
     by_hand: bool = False,
     config: Config | None = None,
-) -> Outcome:
+) -> SetupOutcome:
     wizard = Wizard(
         person or SimulatedPerson(bench),
         given,
@@ -197,7 +197,7 @@ def broken(bench: LinkBench, *faults: str) -> None:
             bench.robot.add_faults(words[0], FAULTS[name], now_ns=bench.now_ns)
 
 
-def connected(found: Outcome) -> dict[str, int]:
+def connected(found: SetupOutcome) -> dict[str, int]:
     return {motor.wheel: motor.position * motor.sign for motor in found.wiring.motors}
 
 
@@ -205,18 +205,18 @@ def true_wiring(bench: LinkBench) -> dict[str, int]:
     return {wire.name: wire.position * wire.command_sign for wire in bench.robot.plant.wiring}
 
 
-def kinds(found: Outcome) -> set[tuple[str, int | None]]:
+def kinds(found: SetupOutcome) -> set[tuple[str, int | None]]:
     return {(fault.kind, fault.position) for fault in found.wiring.faults}
 
 
 SKID_STEER = ("front_left", "rear_left", "front_right", "rear_right")
 
 
-def outcome(kinematics: str = "differential", **board: object) -> Outcome:
+def outcome(kinematics: str = "differential", **board: object) -> SetupOutcome:
     geometry = unit_geometry(kinematics)
     wheels = SKID_STEER if geometry.sides else geometry.wheels
     board = board or {"profile": "520"}
-    return Outcome(
+    return SetupOutcome(
         port="/dev/ttyUSB0",
         dialect="streamed",
         description=Description(
@@ -227,7 +227,7 @@ def outcome(kinematics: str = "differential", **board: object) -> Outcome:
             wheel_separation_mm=170.0,
             wheel_base_mm=160.0 if kinematics in {"mecanum", "ackermann"} else None,
         ),
-        wiring=Wiring(
+        wiring=WiringFound(
             motors=tuple(
                 WiredMotor(wheel=wheel, position=position, sign=1 if position % 2 else -1)
                 for position, wheel in enumerate(wheels, start=1)

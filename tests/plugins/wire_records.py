@@ -27,7 +27,7 @@ from yahboomd.core.blackbox.records import (
     Meaning,
     Opened,
     PoseSet,
-    Reading,
+    ReadingRecord,
     Received,
     Record,
     Renewal,
@@ -93,8 +93,8 @@ class WireBench(FaultBench):
 
         def updated(each: EncoderReading):
             if each.requested_ns or each.after_gap or each.after_reset or each.unbroken:
-                names = Reading.__struct_fields__
-                self.note(Reading(**{name: getattr(each, name) for name in names}))
+                names = ReadingRecord.__struct_fields__
+                self.note(ReadingRecord(**{name: getattr(each, name) for name in names}))
             return update(each)
 
         def was_armed() -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from yahboomd.core.protocol.four_channel.framing import Frame, Framer, TextLine
+from yahboomd.core.protocol.four_channel.framing import Frame, LineFramer, TextLine
 
 HERE = Path(__file__).parent
 
@@ -27,12 +27,12 @@ def untimed(items: Items) -> Items:
     return [msgspec.structs.replace(item, trailing=0) for item in items]
 
 
-def fed(chunks: list[bytes], make: Callable[[], Any] = Framer) -> Items:
+def fed(chunks: list[bytes], make: Callable[[], Any] = LineFramer) -> Items:
     framer = make()
     return untimed([item for chunk in chunks for item in framer.feed(chunk)])
 
 
-def feed_each_way(data: bytes, make: Callable[[], Any] = Framer) -> Items:
+def feed_each_way(data: bytes, make: Callable[[], Any] = LineFramer) -> Items:
     """Feed whole, byte by byte, cut in two anywhere, and with bytes behind; all must agree.
 
     Returns the items of the data fed whole.
@@ -41,7 +41,7 @@ def feed_each_way(data: bytes, make: Callable[[], Any] = Framer) -> Items:
     assert fed([bytes([byte]) for byte in data], make) == untimed(whole)
     for cut in range(len(data)):
         assert fed([data[:cut], data[cut:]], make) == untimed(whole)
-    tail = b"$next" if make is Framer else b"\xff\xfb"
+    tail = b"$next" if make is LineFramer else b"\xff\xfb"
     with_tail = make().feed(data + tail)
     assert [
         msgspec.structs.replace(item, trailing=item.trailing - len(tail)) for item in with_tail

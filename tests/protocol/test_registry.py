@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from yahboomd.core.errors import ConfigError
 from yahboomd.core.protocol.dialect import Setting, VersionLine
-from yahboomd.core.protocol.four_channel.framing import RESYNC, Framer
+from yahboomd.core.protocol.four_channel.framing import RESYNC, LineFramer
 from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.core.protocol.registry import (
     DIALECTS,
@@ -119,7 +119,7 @@ def test_a_whole_connect_decodes_to_its_meanings_however_it_is_cut(
 
 
 def test_the_streamed_connect_shows_a_board_that_may_be_moved(capture):
-    items = Framer().feed(b"".join(capture("connect-streamed").received))
+    items = LineFramer().feed(b"".join(capture("connect-streamed").received))
     answers = [DIALECTS["streamed"].decode(item) for item in items]
     settings = {said.name: said.value for said in answers if isinstance(said, Setting)}
     settings["version"] = "1.7.3"

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from yahboomd.simulation.board import NEVER, Board
+from yahboomd.simulation.board import NEVER, BoardModel
 
 MakeBench = Callable[..., Any]
 
@@ -64,7 +64,7 @@ def test_a_hung_board_does_nothing_until_a_reset(bench: MakeBench, dialect: str)
     desk = bench(dialect=dialect)
     desk.robot.hang(desk.now_ns)
     assert desk.send(b"$read#", 1.0) == b""
-    board: Board = desk.robot.board
+    board: BoardModel = desk.robot.board
     assert (board.next_ns, board.speaks_ns) == (NEVER, NEVER)
     desk.robot.reset(desk.now_ns)
     desk.run(0.5)

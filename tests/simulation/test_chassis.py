@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.simulation.chassis import Chassis, shares
+from yahboomd.simulation.chassis import ChassisTruth, shares
 from yahboomd.simulation.options import FOUR_WHEELS, TWO_WHEELS, DriveName, Wiring
 
 TRACK_M = 0.15
@@ -14,8 +14,10 @@ BASE_M = 0.17
 ARM_M = (TRACK_M + BASE_M) / 2
 
 
-def chassis(drive: DriveName = "differential", wiring: tuple[Wiring, ...] = TWO_WHEELS) -> Chassis:
-    return Chassis(shares(drive, wiring, wheel_separation_m=TRACK_M, wheel_base_m=BASE_M))
+def chassis(
+    drive: DriveName = "differential", wiring: tuple[Wiring, ...] = TWO_WHEELS
+) -> ChassisTruth:
+    return ChassisTruth(shares(drive, wiring, wheel_separation_m=TRACK_M, wheel_base_m=BASE_M))
 
 
 def test_equal_wheels_go_straight() -> None:
@@ -82,7 +84,7 @@ def test_mecanum_moves_sideways() -> None:
 
 def test_rollers_that_slip_go_less_far_to_the_side_alone() -> None:
     parts = shares("mecanum", FOUR_WHEELS, wheel_separation_m=0.2, wheel_base_m=0.2, sideways=0.8)
-    base = Chassis(parts)
+    base = ChassisTruth(parts)
     assert base.body([-1.0, 1.0, 1.0, -1.0]) == pytest.approx((0.0, 0.8, 0.0))
     assert base.body([1.0, 1.0, 1.0, 1.0]) == pytest.approx((1.0, 0.0, 0.0))
     assert base.body([-1.0, -1.0, 1.0, 1.0]) == pytest.approx((0.0, 0.0, 5.0))

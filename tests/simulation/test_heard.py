@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.simulation.heard import Heard, HeardWriter, read_heard
+from yahboomd.simulation.heard import HeardWriter, HostBytes, read_heard
 
 
 @pytest.fixture
@@ -22,7 +22,7 @@ def test_every_byte_is_read_back_while_the_file_is_still_open(
     writer.note(b"$spd:0,0,0,0#", 7)
     first, second = read_heard(tmp_path / "heard")
     assert first.data.encode("latin-1") == data
-    assert second == Heard(t_ns=7, data="$spd:0,0,0,0#")
+    assert second == HostBytes(t_ns=7, data="$spd:0,0,0,0#")
     writer.close()
 
 
@@ -30,7 +30,7 @@ def test_half_a_line_is_left_out(tmp_path: Path, writer: HeardWriter) -> None:
     writer.note(b"a", 1)
     with (tmp_path / "heard").open("ab") as file:
         file.write(b'{"t_ns": 2')
-    assert read_heard(tmp_path / "heard") == [Heard(t_ns=1, data="a")]
+    assert read_heard(tmp_path / "heard") == [HostBytes(t_ns=1, data="a")]
     writer.close()
 
 

@@ -10,14 +10,14 @@ import msgspec
 import pytest
 
 from yahboomd.core.model import STANDSTILL, Twist2d
-from yahboomd.simulation.imu import GRAVITY_M_S2, MPU9250, SENSORS, Imu, ImuOptions
+from yahboomd.simulation.imu import GRAVITY_M_S2, MPU9250, SENSORS, ImuModel, ImuOptions
 
 S = 1_000_000_000
 MS = 1_000_000
 
 
-def sensor(seed: int = 1, **options: object) -> Imu:
-    return Imu(ImuOptions(**options), Random(seed))  # type: ignore[arg-type]
+def sensor(seed: int = 1, **options: object) -> ImuModel:
+    return ImuModel(ImuOptions(**options), Random(seed))  # type: ignore[arg-type]
 
 
 def test_a_perfect_sensor_shows_turn_gravity_and_the_pull_of_the_curve() -> None:
@@ -43,7 +43,7 @@ def test_axes_place_each_direction_on_the_axis_that_points_there() -> None:
 @pytest.mark.parametrize("name", SENSORS)
 def test_noise_at_rest_is_that_of_the_datasheet(name: str) -> None:
     options = msgspec.structs.replace(SENSORS[name], warming_k=0.0)
-    imu = Imu(options, Random(2))
+    imu = ImuModel(options, Random(2))
     turns = [imu.sample(n * 40 * MS, STANDSTILL, 0.0).gyro_rad_s[2] for n in range(5000)]
     noise = options.gyro_density * math.sqrt(options.bandwidth_hz)
     assert stdev(turns) == pytest.approx(noise, rel=0.05)
@@ -51,14 +51,14 @@ def test_noise_at_rest_is_that_of_the_datasheet(name: str) -> None:
 
 
 def test_zeros_stay_within_the_tolerance_and_differ_from_sensor_to_sensor() -> None:
-    zeros = [Imu(MPU9250, Random(seed)).gyro_zero_rad_s(0)[2] for seed in range(50)]
+    zeros = [ImuModel(MPU9250, Random(seed)).gyro_zero_rad_s(0)[2] for seed in range(50)]
     assert len(set(zeros)) == 50
     assert max(map(abs, zeros)) <= MPU9250.gyro_zero_rad_s[2]
     assert max(map(abs, zeros)) > 0.8 * MPU9250.gyro_zero_rad_s[2]
 
 
 def test_the_zero_drifts_while_the_board_warms_up_and_then_stays() -> None:
-    imu = Imu(MPU9250, Random(3))
+    imu = ImuModel(MPU9250, Random(3))
     start, warm, later = (imu.gyro_zero_rad_s(seconds * S)[2] for seconds in (0, 3000, 6000))
     drift = abs(warm - start) / MPU9250.warming_k
     assert 0.1 * MPU9250.gyro_drift_rad_s_k[2] < drift <= MPU9250.gyro_drift_rad_s_k[2]
@@ -85,5 +85,5 @@ def test_a_gyro_can_be_made_to_show_something_else() -> None:
 
 
 def test_one_seed_is_one_sensor() -> None:
-    first, second = (Imu(MPU9250, Random(7)).sample(S, Twist2d(wz=0.1), 0.2) for _ in range(2))
+    first, second = (ImuModel(MPU9250, Random(7)).sample(S, Twist2d(wz=0.1), 0.2) for _ in range(2))
     assert first == second

@@ -7,17 +7,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.simulation.motors import FAULTS, PWM_MAX, Motor, MotorFaults, MotorLaw, joined
+from yahboomd.simulation.motors import FAULTS, PWM_MAX, MotorFaults, MotorLaw, MotorState, joined
 
 LAW = MotorLaw(max_speed_m_s=1.15, dead_zone=1950, time_constant_s=0.06, ticks_per_metre=6000.0)
 
 
-def turn(motor: Motor, seconds: float) -> float:
+def turn(motor: MotorState, seconds: float) -> float:
     return sum(motor.advance(0.001) for _ in range(round(seconds * 1000)))
 
 
-def driven(pwm: int = PWM_MAX, seconds: float = 1.0, faults: MotorFaults | None = None) -> Motor:
-    motor = Motor(LAW)
+def driven(
+    pwm: int = PWM_MAX, seconds: float = 1.0, faults: MotorFaults | None = None
+) -> MotorState:
+    motor = MotorState(LAW)
     motor.pwm = pwm
     if faults is not None:
         motor.faults = faults
@@ -41,7 +43,7 @@ def test_the_lag_is_of_first_order() -> None:
 
 
 def test_the_travel_does_not_depend_on_the_steps() -> None:
-    fine, coarse = Motor(LAW), Motor(LAW)
+    fine, coarse = MotorState(LAW), MotorState(LAW)
     fine.pwm = coarse.pwm = 3000
     turn(fine, 0.2)
     coarse.advance(0.2)
@@ -64,7 +66,7 @@ def test_counts_follow_the_travel() -> None:
 
 
 def test_signs_say_how_it_is_mounted() -> None:
-    mirrored = Motor(msgspec.structs.replace(LAW, command_sign=-1, encoder_sign=-1))
+    mirrored = MotorState(msgspec.structs.replace(LAW, command_sign=-1, encoder_sign=-1))
     mirrored.pwm = PWM_MAX
     turn(mirrored, 0.5)
     assert mirrored.speed_m_s < 0
@@ -140,7 +142,7 @@ def test_a_wheel_can_turn_without_command() -> None:
     st.sampled_from(sorted(FAULTS)),
 )
 def test_no_wheel_is_faster_than_full_output_makes_it(outputs: list[int], fault: str) -> None:
-    motor = Motor(LAW)
+    motor = MotorState(LAW)
     motor.faults = FAULTS[fault]
     for pwm in outputs:
         motor.pwm = pwm

@@ -62,8 +62,8 @@ def test_a_late_caller_confuses_no_two_frames(bench: MakeBench) -> None:
     desk = bench()
     desk.robot.host_wrote(b"$pwm:0,0,7,0#" + b"\n" * 20 + b"$read_vol#", desk.now_ns)
     heard = b"".join(desk.robot.advance(desk.now_ns + 1_000_000_000))
-    assert heard == b"$Battery:7.4V#\r\n"
-    assert desk.robot.plant.motors[1].pwm == 7
+    assert heard == b"$Battery:7.3V#\r\n"
+    assert desk.robot.plant.motors[1].pwm == 1607
 
 
 def test_the_same_seed_makes_the_same_run(bench: MakeBench) -> None:
@@ -127,7 +127,7 @@ def test_a_muted_board_still_listens(bench: MakeBench) -> None:
     desk.robot.mute(desk.now_ns, 0.5)
     assert desk.send(b"$read_vol#", 0.2) == b""
     desk.send(b"$pwm:0,0,7,0#", 0.1)
-    assert desk.robot.plant.motors[1].pwm == 7
+    assert desk.robot.plant.motors[1].pwm == 1607
     desk.run(0.3)
     assert desk.send(b"$read_vol#") != b""
 
@@ -141,7 +141,7 @@ def test_a_port_that_takes_nothing_passes_on_what_has_queued_when_it_takes_again
     assert desk.robot.plant.motors[1].pwm == 0
     assert desk.robot.host_backlog_ns(desk.now_ns) == pytest.approx(100_000_000, abs=2_000_000)
     desk.run(0.2)
-    assert desk.robot.plant.motors[1].pwm == 7
+    assert desk.robot.plant.motors[1].pwm == 1607
 
 
 def test_what_is_held_back_arrives_whole_and_at_once(bench: MakeBench) -> None:

@@ -10,7 +10,7 @@ from random import Random
 import numpy as np
 import pytest
 
-from yahboomd.simulation.speed_loop import SpeedLoop, Tuning
+from yahboomd.simulation.speed_loop import LoopSettings, SpeedLoop
 from yahboomd.tools.tune.estimates.loop_model import Gains, LoopModel, Step, _shifted, fit, run
 from yahboomd.tools.tune.estimates.suggestion import suggest
 
@@ -51,7 +51,7 @@ def test_it_is_the_law_of_the_simulated_boards_loop():
     random = Random(1)
     loop, gains = SpeedLoop(gain=1.0), Gains(0.8, 0.06, 0.5)
     loop.target_mm_s = 400
-    tuning = Tuning(mm_s_per_tick=1.0, p=gains.p, i=gains.i, d=gains.d, dead_zone=0)
+    tuning = LoopSettings(mm_s_per_tick=1.0, p=gains.p, i=gains.i, d=gains.d, dead_zone=0)
     output = error1 = error2 = 0.0
     for _ in range(50):
         measured = random.uniform(0.0, 500.0)

@@ -7,7 +7,7 @@ import asyncio
 from yahboomd.core.clock import LoopClock
 from yahboomd.core.model import STANDSTILL, Twist2d
 from yahboomd.simulation.virtual_time import VirtualTimeLoop, on_virtual_time
-from yahboomd.web.page_commands import PageCommands, Refusal
+from yahboomd.web.page_commands import PageCommands, PageRefusal
 
 FORWARD = Twist2d(vx=0.3)
 FRESH_NS = 40_000_000
@@ -15,7 +15,7 @@ LATE_NS = 300_000_001
 
 ANNE, BERT = 1, 2
 
-ESTOP = Refusal(why="estop", text="The emergency stop is engaged.")
+ESTOP = PageRefusal(why="estop", text="The emergency stop is engaged.")
 
 
 class Scene:
@@ -27,7 +27,7 @@ class Scene:
 
     def __init__(self, driver: int | None = ANNE) -> None:
         self.put: list[tuple[int, Twist2d]] = []
-        self.obstacle: Refusal | None = None
+        self.obstacle: PageRefusal | None = None
         self.changes = 0
         self.lapsed: list[int] = []
         self.clock = LoopClock()

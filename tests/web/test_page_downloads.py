@@ -14,7 +14,7 @@ from web_site import TOKENS, Site
 from zenoh_fixtures import PATIENCE_S, eventually, free_endpoint
 
 from yahboomd.web import page_downloads
-from yahboomd.web.web_server import Connection
+from yahboomd.web.web_server import CountedConnection
 
 Start = Callable[..., Awaitable[Site]]
 
@@ -185,7 +185,7 @@ async def test_a_download_may_take_longer_than_a_request_has_to_begin(
     )
     await reader.readuntil(b"\r\n\r\n")
     loop = asyncio.get_running_loop()
-    (connection,) = [each for each in Connection.waiting if each.loop is loop]
+    (connection,) = [each for each in CountedConnection.waiting if each.loop is loop]
     # As its timer does, once the time to begin is over.
     connection._overdue()
     assert len(await reader.read(-1)) == file.stat().st_size

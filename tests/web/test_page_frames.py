@@ -8,14 +8,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.web.page_frames import Control, Drive, EmergencyStop, Request, read_frame
+from yahboomd.web.page_frames import Control, Drive, RequestFrame, StopFrame, read_frame
 
 
 def test_every_frame_of_a_page_is_read() -> None:
     assert read_frame('{"type":"drive","beat":7,"vx":0.5,"vy":0,"wz":-1}') == Drive(7, 0.5, 0, -1)
     assert read_frame('{"type":"control","want":true}') == Control(want=True)
-    assert read_frame('{"type":"estop"}') == EmergencyStop()
-    assert read_frame('{"type":"request","id":3,"do":"release"}') == Request(3, "release")
+    assert read_frame('{"type":"estop"}') == StopFrame()
+    assert read_frame('{"type":"request","id":3,"do":"release"}') == RequestFrame(3, "release")
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from yahboomd.core.daemon.process_limits import allow_files
 from yahboomd.core.errors import ConfigError, ListenError
 from yahboomd.web import web_server
 from yahboomd.web.own_certificate import make_certificate
-from yahboomd.web.web_server import FILES, MAX_OPEN, Certificate, Connection, listen
+from yahboomd.web.web_server import FILES, MAX_OPEN, Certificate, CountedConnection, listen
 
 pytestmark = pytest.mark.realtime
 
@@ -32,12 +32,12 @@ async def test_the_estop_is_served_beside_a_thousand_connections_that_say_nothin
     page = await served.driver()
     idle = [socket.create_connection(("127.0.0.1", served.port)) for _ in range(1000)]
     try:
-        await eventually(lambda: len(Connection.waiting) == MAX_OPEN)
+        await eventually(lambda: len(CountedConnection.waiting) == MAX_OPEN)
         status, _, body = await served.request("POST", "/estop")
         assert (status, json.loads(body)["engaged"]) == (200, True)
         await page.press(lambda: daemon.velocities)
         await served.page()
-        assert len(Connection.waiting) <= MAX_OPEN
+        assert len(CountedConnection.waiting) <= MAX_OPEN
     finally:
         for each in idle:
             each.close()
@@ -53,11 +53,11 @@ async def test_connections_whose_tls_never_begins_are_bounded_and_the_estop_is_s
     served = await site(daemon, context=Certificate(certificate=certificate, key=key).context())
     idle = [socket.create_connection(("127.0.0.1", served.port)) for _ in range(500)]
     try:
-        await eventually(lambda: len(Connection.waiting) == MAX_OPEN)
+        await eventually(lambda: len(CountedConnection.waiting) == MAX_OPEN)
         page = await served.page(ssl=ssl.create_default_context(cafile=str(certificate)))
         await page.send(type="estop", id=1)
         assert (await page.one("answer", id=1))["ok"]
-        assert len(Connection.waiting) <= MAX_OPEN
+        assert len(CountedConnection.waiting) <= MAX_OPEN
         # Those of the test itself among them.
         most = len(idle) + MAX_OPEN + 100
         await eventually(lambda: len(list(Path("/proc/self/fd").iterdir())) < most)

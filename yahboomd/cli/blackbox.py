@@ -20,7 +20,7 @@ from yahboomd.core.program import pasteable
 if TYPE_CHECKING:
     from yahboomd.client import AsyncRobot
     from yahboomd.core.blackbox.box_file import Box
-    from yahboomd.tools.blackbox.box_places import Found, Places, Wanted
+    from yahboomd.tools.blackbox.box_places import BoxQuery, Found, Places
 
 DESCRIPTION = """\
 Why did the robot stop? The daemon keeps the last minute of bytes, commands, decisions and events in
@@ -115,11 +115,11 @@ def run(args: argparse.Namespace) -> int:
     return os.EX_OK
 
 
-def _places(args: argparse.Namespace) -> tuple[Places, Wanted]:
+def _places(args: argparse.Namespace) -> tuple[Places, BoxQuery]:
     """The folders that may hold boxes, and the robot that is meant."""
     from yahboomd.core.config import Config
     from yahboomd.core.config.models import blackbox_folder
-    from yahboomd.tools.blackbox.box_places import Wanted, places
+    from yahboomd.tools.blackbox.box_places import BoxQuery, places
 
     for name, default in (("config", None), ("overrides", []), ("namespace", None), ("port", None)):
         if not hasattr(args, name):
@@ -131,7 +131,7 @@ def _places(args: argparse.Namespace) -> tuple[Places, Wanted]:
     elsewhere = (config.zenoh.listen, config.zenoh.connect) != (usual.listen, usual.connect)
     is_named = args.namespace is not None or config.zenoh.namespace != usual.namespace
     named = is_named or elsewhere or bool(connect or config.serial.port)
-    wanted = Wanted(
+    wanted = BoxQuery(
         namespace=config.zenoh.namespace if is_named or not named else None,
         endpoints=connect or (config.zenoh.listen if elsewhere or not named else ()),
         port=config.serial.port,

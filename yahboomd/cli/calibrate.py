@@ -231,9 +231,9 @@ def _run(args: argparse.Namespace) -> int:
             return await calibrate(robot, loaded, options, Answers(as_json=args.json))
         from yahboomd.core.clock import SystemClock
         from yahboomd.tools.calibrate.dialogue import Dialogue
-        from yahboomd.tools.calibrate.hold import Hold
+        from yahboomd.tools.calibrate.hold import HeldButton
 
-        hold = Hold(SystemClock(), robot.stop) if args.held else None
+        hold = HeldButton(SystemClock(), robot.stop) if args.held else None
         dialogue = Dialogue(hold)
         return await dialogue.lead(calibrate(robot, loaded, options, dialogue, hold))
 

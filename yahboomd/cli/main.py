@@ -1,6 +1,6 @@
 """The ``yahboomd`` command: finds the subcommand, runs it, and reports a failure in one message.
 
-Each subcommand is a module of its name, a :class:`Command`, imported only when it is used. So
+Each subcommand is a module of its name, a :class:`CommandModule`, imported only when it is used. So
 ``yahboomd --help`` does not wait for Zenoh, and if one command's extras are missing, the others
 work.
 """
@@ -54,7 +54,7 @@ a first drive, without a robot:
 Subparsers: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"  # noqa: SLF001
 
 
-class Command(Protocol):
+class CommandModule(Protocol):
     """A subcommand's module."""
 
     DESCRIPTION: str
@@ -175,7 +175,7 @@ def _drop_output() -> None:
 def _dispatch(arguments: list[str]) -> int:
     name = next((word for word in arguments if not word.startswith("-")), None)
     parser, subparsers = _bare_parser()
-    command: Command | None = None
+    command: CommandModule | None = None
     for known, line in COMMANDS.items():
         if known == name:
             try:
@@ -212,7 +212,7 @@ def whole_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _add(subparsers: Subparsers, name: str, command: Command) -> None:
+def _add(subparsers: Subparsers, name: str, command: CommandModule) -> None:
     command.add_options(
         subparsers.add_parser(
             name,
@@ -241,10 +241,10 @@ def _bare_parser() -> tuple[argparse.ArgumentParser, Subparsers]:
     return parser, parser.add_subparsers(dest="command", metavar="COMMAND")
 
 
-def _load(name: str) -> Command:
+def _load(name: str) -> CommandModule:
     if name == "run":
         _spare_openssl()
-    return cast(Command, importlib.import_module(_module(name)))
+    return cast(CommandModule, importlib.import_module(_module(name)))
 
 
 def _spare_openssl() -> None:

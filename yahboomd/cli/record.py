@@ -180,7 +180,7 @@ async def _record(robot: AsyncRobot, args: argparse.Namespace) -> int:
         for name in (NATIVE, ROS)
     )
     stamps = WallStamps(clock, lambda _: None)
-    recorder = Recorder(native, ros, lambda at_ns: at_ns + stamps.follow())
+    recorder = TopicRecorder(native, ros, lambda at_ns: at_ns + stamps.follow())
     for each in recorded(config):
         robot.bus.subscribe(
             each.key,
@@ -205,7 +205,7 @@ async def _record(robot: AsyncRobot, args: argparse.Namespace) -> int:
     return os.EX_OK
 
 
-async def _watch(recorder: Recorder, *, attached: bool) -> None:
+async def _watch(recorder: TopicRecorder, *, attached: bool) -> None:
     """Sync the disk and show progress, until the input ends or the disk fails."""
     ended = asyncio.create_task(input_ended()) if attached else asyncio.Future[None]()
     elapsed = 0.0
@@ -238,7 +238,7 @@ def _number(channel: Channel, payload: bytes) -> int | None:
     return msgspec.json.decode(payload, type=_Numbered).seq
 
 
-class Recorder:
+class TopicRecorder:
     """Writes samples, and counts the missing and unreadable ones.
 
     Attributes:

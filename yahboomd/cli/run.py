@@ -191,10 +191,10 @@ def _read(args: argparse.Namespace) -> tuple[Config, tuple[str, ...], dict[str, 
 def _warn_of_killed() -> None:
     """Name the ports of killed daemons, because a daemon that does not start stops no wheels."""
     from yahboomd.core.link.port_errors import holders
-    from yahboomd.tools.stop.stop_local import Wanted, notes
+    from yahboomd.tools.stop.stop_local import DaemonChoice, notes
     from yahboomd.tools.stop.stop_port import warn
 
-    for note in notes(os.environ, Wanted(), ()):
+    for note in notes(os.environ, DaemonChoice(), ()):
         if os.path.exists(note.path) and not (process_state(note.pid) or holders(note.path)):
             warn(
                 f"A daemon that was killed (pid {note.pid}) may have left wheels turning at "

@@ -15,7 +15,7 @@ from yahboomd.core.errors import ConfigError, LinkError, Refused
 
 if TYPE_CHECKING:
     from yahboomd.tools.setup.description import Given
-    from yahboomd.tools.terminal.terminal_questions import Person
+    from yahboomd.tools.terminal.terminal_questions import Respondent
 
 STANDARD_FILE = Path("robot.toml")
 
@@ -148,7 +148,7 @@ def _given(args: argparse.Namespace) -> Given:
     )
 
 
-async def may_overwrite(person: Person, path: Path) -> bool:
+async def may_overwrite(person: Respondent, path: Path) -> bool:
     """Whether a file that is there may be replaced; it is asked for before all the work.
 
     Raises:

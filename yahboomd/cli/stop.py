@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from yahboomd.core.config import Config
     from yahboomd.core.link.takeover import TakeoverReport
     from yahboomd.tools.stop.stop_client import BusStop
-    from yahboomd.tools.stop.stop_local import LocalStops, Outcome
+    from yahboomd.tools.stop.stop_local import LocalStops, StopOutcome
 
 NOT_STANDING = 1
 """The exit status if the wheels were not seen to stand."""
@@ -116,7 +116,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _release(args: argparse.Namespace) -> int:
     from yahboomd.tools.stop.stop_client import release
-    from yahboomd.tools.stop.stop_local import Wanted, find
+    from yahboomd.tools.stop.stop_local import DaemonChoice, find
 
     config = read_config(args).config
     endpoints = daemon_endpoints(args, config)
@@ -125,7 +125,7 @@ def _release(args: argparse.Namespace) -> int:
         words = release(endpoints, config, port=args.port or "")
     except NoDaemon as error:
         raise not_released(error, _asked(args), found, endpoints) from error
-    wanted = Wanted(namespace=config.zenoh.namespace, listen=endpoints)
+    wanted = DaemonChoice(namespace=config.zenoh.namespace, listen=endpoints)
     answered = [robot for robot in found if not robot.silent and wanted.fits(robot)]
     print(f"{answered[0].name}: {words}" if len(answered) == 1 else words)
     return os.EX_OK
@@ -306,16 +306,16 @@ def _stop_locally(args: argparse.Namespace, local: LocalStops) -> Config | None:
     Returns:
         The configuration, if it had to be read.
     """
-    from yahboomd.tools.stop.stop_local import Wanted, find
+    from yahboomd.tools.stop.stop_local import DaemonChoice, find
 
     named = args.config or args.overrides or any(name.startswith(NAMING) for name in os.environ)
-    wanted = Wanted(port=args.port or "", namespace=args.namespace)
+    wanted = DaemonChoice(port=args.port or "", namespace=args.namespace)
     config = None
     if named and not args.port:
         config = _readable_configuration(args)
         if config is not None:
             zenoh = config.zenoh
-            wanted = Wanted(config.serial.port, zenoh.namespace, zenoh.listen)
+            wanted = DaemonChoice(config.serial.port, zenoh.namespace, zenoh.listen)
         else:
             from yahboomd.core.config import Config
 
@@ -324,7 +324,7 @@ def _stop_locally(args: argparse.Namespace, local: LocalStops) -> Config | None:
     return config
 
 
-def _print_outcome(outcome: Outcome, several: bool) -> bool:
+def _print_outcome(outcome: StopOutcome, several: bool) -> bool:
     words = f"{outcome.robot.name}: {outcome.words}" if several else outcome.words
     if outcome.stood:
         print(words)
@@ -349,7 +349,7 @@ def _stop(
     local: LocalStops | None = None,
     *,
     port: str = "",
-) -> tuple[list[TakeoverReport], BusStop | None, list[Outcome]]:
+) -> tuple[list[TakeoverReport], BusStop | None, list[StopOutcome]]:
     """Stop on the seized ports, and if a configuration is given on the bus.
 
     Meanwhile watch the daemons that were stopped over their sockets.
@@ -372,10 +372,10 @@ def _stop(
 
         return await engage(endpoints, config, port=port)
 
-    async def here() -> list[Outcome]:
+    async def here() -> list[StopOutcome]:
         return [] if local is None else await asyncio.to_thread(local.outcomes)
 
-    async def all_of_it() -> tuple[list[TakeoverReport], BusStop | None, list[Outcome]]:
+    async def all_of_it() -> tuple[list[TakeoverReport], BusStop | None, list[StopOutcome]]:
         return await asyncio.gather(on_ports(), on_bus(), here())
 
     return asyncio.run(all_of_it())

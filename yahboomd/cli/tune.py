@@ -123,7 +123,7 @@ def run(args: argparse.Namespace) -> int:
         port = discovery.choose(config.serial.port, discovery.candidates())
         refuse_estop(port, config, os.environ)
         clock = SystemClock()
-        tuning = Tuning(args, config, port, place)
+        tuning = TuneCommand(args, config, port, place)
         opener = opener_of(port, config, clock)
         if args.undo:
             from yahboomd.tools.tune.undo import undo
@@ -138,7 +138,7 @@ def run(args: argparse.Namespace) -> int:
         raise (with_hints(error, port) if port else error) from error
 
 
-def _ended_by_signals(work: Callable[[], Awaitable[int]], tuning: Tuning) -> int:
+def _ended_by_signals(work: Callable[[], Awaitable[int]], tuning: TuneCommand) -> int:
     """Run it; a signal ends it, and the wheels are brought to rest on the way."""
     from yahboomd.cli.attended import until_signal
 
@@ -151,7 +151,7 @@ def _ended_by_signals(work: Callable[[], Awaitable[int]], tuning: Tuning) -> int
     return asyncio.run(attended())
 
 
-class Tuning:
+class TuneCommand:
     """The command's side: questions, files, and words.
 
     Args:

@@ -17,7 +17,7 @@ BOOT_NS = 60_000_000
 """The time from power or reset to the first useful instruction; motors are off, bytes are lost."""
 
 
-class Board(Protocol):
+class BoardModel(Protocol):
     """A board that is fed bytes and moved through time.
 
     Moments only grow. Nothing happens in between calls: what was due is done, at its own exact

@@ -9,7 +9,7 @@ from typing import Final
 import msgspec
 
 from yahboomd.core.errors import ConfigError
-from yahboomd.simulation.board import Board, Emit
+from yahboomd.simulation.board import BoardModel, Emit
 from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.four_channel.polled_board import PolledBoard
 from yahboomd.simulation.four_channel.streamed_board import StreamedBoard
@@ -26,7 +26,7 @@ class BoardKind(msgspec.Struct, frozen=True, kw_only=True):
         flash: What it stores, with what it is sold with as the defaults; None: nothing.
     """
 
-    make: Callable[[SimulationOptions, Plant, Emit, Random], Board]
+    make: Callable[[SimulationOptions, Plant, Emit, Random], BoardModel]
     flash: type[msgspec.Struct] | None = None
 
     def stored(self, values: Mapping[str, object]) -> msgspec.Struct | None:
@@ -45,7 +45,7 @@ BOARDS: Final[dict[str, BoardKind]] = {
 """Every board, by the word that the configuration has for its dialect."""
 
 
-def make_board(options: SimulationOptions, plant: Plant, emit: Emit, random: Random) -> Board:
+def make_board(options: SimulationOptions, plant: Plant, emit: Emit, random: Random) -> BoardModel:
     """The board of a robot.
 
     Raises:

@@ -59,7 +59,7 @@ def shares(
     )
 
 
-class Chassis:
+class ChassisTruth:
     """The pose of the base, moved by the rims."""
 
     def __init__(self, parts: tuple[Share, ...]) -> None:

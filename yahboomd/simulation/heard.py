@@ -13,7 +13,7 @@ import msgspec
 from yahboomd.simulation.lines import LinesWriter, read_lines
 
 
-class Heard(msgspec.Struct, frozen=True, kw_only=True):
+class HostBytes(msgspec.Struct, frozen=True, kw_only=True):
     """Bytes of the host.
 
     Attributes:
@@ -30,9 +30,9 @@ class HeardWriter(LinesWriter):
 
     def note(self, data: bytes, t_ns: int) -> None:
         """Append bytes; nothing after :meth:`close`."""
-        self.write(Heard(t_ns=t_ns, data=data.decode("latin-1")))
+        self.write(HostBytes(t_ns=t_ns, data=data.decode("latin-1")))
 
 
-def read_heard(path: Path) -> list[Heard]:
+def read_heard(path: Path) -> list[HostBytes]:
     """All of it, oldest first; see :func:`~yahboomd.simulation.lines.read_lines`."""
-    return read_lines(path, Heard)
+    return read_lines(path, HostBytes)

@@ -102,7 +102,7 @@ ICM20948 = ImuOptions(
 SENSORS: dict[str, ImuOptions] = {"mpu9250": MPU9250, "icm20948": ICM20948}
 
 
-class ImuSample(NamedTuple):
+class RawImu(NamedTuple):
     """The sensor's output, along its own axes, before the board rounds it to its units.
 
     Attributes:
@@ -114,7 +114,7 @@ class ImuSample(NamedTuple):
     magnetic_t: Vector3
 
 
-class Imu:
+class ImuModel:
     """A sensor in the middle between the wheels.
 
     Attributes:
@@ -149,7 +149,7 @@ class Imu:
         x, y, z = (channel.zero + channel.drift * warmer_k for channel in self._gyro)
         return x, y, z
 
-    def sample(self, now_ns: int, twist: Twist2d, theta: float) -> ImuSample:
+    def sample(self, now_ns: int, twist: Twist2d, theta: float) -> RawImu:
         """Measure.
 
         Args:
@@ -172,7 +172,7 @@ class Imu:
         magnetic = self._turned(field)
         limit = options.gyro_limit_rad_s
         gyro = _measured(self._gyro, self._turned((0.0, 0.0, twist.wz)), warmer_k, limit)
-        return ImuSample(
+        return RawImu(
             gyro_rad_s=self.forced_gyro_rad_s or gyro,
             acceleration_m_s2=_measured(
                 self._acceleration, self._turned(force), warmer_k, options.acceleration_limit_m_s2

@@ -89,7 +89,7 @@ Drive: TypeAlias = tuple[float, float, float]
 """The final rim speed (m/s), its time constant (s), and sliding friction (m/s^2)."""
 
 
-class Motor:
+class MotorState:
     """State of one motor. Rim speeds and travel are true ones, positive forward.
 
     Attributes:

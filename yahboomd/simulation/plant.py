@@ -6,8 +6,8 @@ import math
 from random import Random
 
 from yahboomd.core.model import CHANNELS, Counts
-from yahboomd.simulation.chassis import Chassis, shares
-from yahboomd.simulation.motors import PWM_MAX, Motor, MotorLaw
+from yahboomd.simulation.chassis import ChassisTruth, shares
+from yahboomd.simulation.motors import PWM_MAX, MotorLaw, MotorState
 from yahboomd.simulation.options import SimulationOptions, Wiring
 
 STEP_NS = 1_000_000
@@ -24,7 +24,7 @@ class Plant:
         self.wiring: tuple[Wiring, ...] = options.motors
         self.motor_type = options.motor_type
         self.motors = [_motor(options, wire, random.random()) for wire in self.wiring]
-        self.chassis = Chassis(
+        self.chassis = ChassisTruth(
             shares(
                 options.drive,
                 self.wiring,
@@ -33,7 +33,7 @@ class Plant:
                 sideways=options.sideways,
             )
         )
-        self._by_position: list[Motor | None] = [None] * CHANNELS
+        self._by_position: list[MotorState | None] = [None] * CHANNELS
         for wire, motor in zip(self.wiring, self.motors, strict=True):
             self._by_position[wire.position - 1] = motor
         # Whose encoder is plugged in where, and what makes up for counts before it was.
@@ -106,7 +106,7 @@ class Plant:
             self.chassis.advance([motor.advance(dt_s) for motor in self.motors])
 
 
-def _motor(options: SimulationOptions, wire: Wiring, phase: float) -> Motor:
+def _motor(options: SimulationOptions, wire: Wiring, phase: float) -> MotorState:
     circumference_m = 2.0 * math.pi * options.wheel_radius_m * wire.radius_scale
     law = MotorLaw(
         # Full output is a rate of turning: a larger wheel runs faster.
@@ -117,4 +117,4 @@ def _motor(options: SimulationOptions, wire: Wiring, phase: float) -> Motor:
         command_sign=wire.command_sign,
         encoder_sign=wire.encoder_sign,
     )
-    return Motor(law, phase=phase)
+    return MotorState(law, phase=phase)

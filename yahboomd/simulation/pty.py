@@ -37,7 +37,7 @@ BACKLOG_NS = 40_000_000
 """Time on the wire of what we take from a host in advance: about 460 bytes at 115200 baud."""
 
 
-class Device(Protocol):
+class FarEnd(Protocol):
     """What a port is the end of: a simulated robot, or something else that keeps time.
 
     Attributes:
@@ -77,7 +77,7 @@ class PtyPort:
         link: A symbolic link to the port, kept up to date.
     """
 
-    def __init__(self, device: Device, *, link: Path | None = None) -> None:
+    def __init__(self, device: FarEnd, *, link: Path | None = None) -> None:
         self._device = device
         self.link = link
         self.name = ""

@@ -14,10 +14,10 @@ from collections.abc import Callable
 from random import Random
 
 from yahboomd.core.clock import nanoseconds
-from yahboomd.simulation.board import NEVER, Board
+from yahboomd.simulation.board import NEVER, BoardModel
 from yahboomd.simulation.boards import make_board
 from yahboomd.simulation.impairments import Impairments
-from yahboomd.simulation.motors import HEALTHY, Motor, MotorFaults, joined
+from yahboomd.simulation.motors import HEALTHY, MotorFaults, MotorState, joined
 from yahboomd.simulation.options import SimulationOptions, check
 from yahboomd.simulation.plant import Plant
 from yahboomd.simulation.speed_loop import TICK_NS
@@ -52,7 +52,7 @@ class SimulatedRobot:
         check(self.options)
         random = Random(self.options.seed)  # noqa: S311 - repeatable, not secret
         self.plant = Plant(self.options, random)
-        self.board: Board = make_board(self.options, self.plant, self._emit, random)
+        self.board: BoardModel = make_board(self.options, self.plant, self._emit, random)
         self.impairments = Impairments(self.options.impairments, random)
         self.on_truth: Callable[[TruthSample], None] | None = None
         self.on_plug: Callable[[bool], None] | None = None
@@ -222,7 +222,7 @@ class SimulatedRobot:
 
     # Inside.
 
-    def _motors(self, name: str) -> list[Motor]:
+    def _motors(self, name: str) -> list[MotorState]:
         chosen = [
             self.plant.motors[index]
             for index, wire in enumerate(self.plant.wiring)

@@ -24,7 +24,7 @@ SPEED_MAX = 1000
 """Largest speed command, in mm/s."""
 
 
-class Tuning(msgspec.Struct, frozen=True, kw_only=True):
+class LoopSettings(msgspec.Struct, frozen=True, kw_only=True):
     """The settings as the interrupt uses them.
 
     Attributes:
@@ -66,7 +66,7 @@ class SpeedLoop:
         """Clear output and errors; the target stays."""
         self._output = self._error = self._error_before = 0.0
 
-    def next_output(self, measured_mm_s: float, tuning: Tuning) -> int:
+    def next_output(self, measured_mm_s: float, tuning: LoopSettings) -> int:
         """The output of the next 10 ms, in PWM units."""
         error = self.target_mm_s - measured_mm_s
         change = (
@@ -126,7 +126,7 @@ class MotorControl:
         self._reset_loops()
         self._plant.set_outputs(tuple(-value if inverted else value for value in pwm))
 
-    def tick(self, now_ns: int, tuning: Tuning) -> None:
+    def tick(self, now_ns: int, tuning: LoopSettings) -> None:
         """One interrupt: read the encoders, then regulate."""
         self._plant.advance(now_ns)
         ticks = self._plant.ticks
@@ -138,7 +138,7 @@ class MotorControl:
         if self._regulates and not tuning.frozen:
             self._plant.set_outputs(tuple(self._outputs(tuning)))
 
-    def renew_totals(self, now_ns: int, tuning: Tuning) -> None:
+    def renew_totals(self, now_ns: int, tuning: LoopSettings) -> None:
         """Bring the totals up to what the encoders have counted by now."""
         self._plant.advance(now_ns)
         ticks = self._plant.ticks
@@ -155,11 +155,11 @@ class MotorControl:
                 _int32(fourth + d),
             )
 
-    def speeds_mm_s(self, tuning: Tuning) -> tuple[float, ...]:
+    def speeds_mm_s(self, tuning: LoopSettings) -> tuple[float, ...]:
         """Rim speeds over the latest 10 ms, as the board believes."""
         return tuple(delta * tuning.mm_s_per_tick for delta in self.deltas)
 
-    def _outputs(self, tuning: Tuning) -> list[int]:
+    def _outputs(self, tuning: LoopSettings) -> list[int]:
         outputs = []
         for loop, measured in zip(self._loops, self.speeds_mm_s(tuning), strict=True):
             if tuning.zero_releases and loop.target_mm_s == 0:

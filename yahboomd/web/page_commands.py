@@ -24,7 +24,7 @@ ZEROS_NS = 1_000_000_000
 """For so long zeros follow motion."""
 
 
-class Refusal(msgspec.Struct, frozen=True, kw_only=True):
+class PageRefusal(msgspec.Struct, frozen=True, kw_only=True):
     """The reason why a page's command moves nothing: a word, and a sentence for people."""
 
     why: str
@@ -36,14 +36,14 @@ LATE = (
     "The network is too slow to drive safely: your command took more than 0.3 s. The robot is "
     "stopped. Let go, wait for a better connection, and press again."
 )
-LAPSED = Refusal(
+LAPSED = PageRefusal(
     why="lapse",
     text="Nothing came from this page for 0.3 s, so the robot was stopped. Let go, then press "
     "again.",
 )
-ENDED = Refusal(why="ended", text="The page's server is ending.")
-LET_GO = Refusal(why="let_go", text="Let go, then press again.")
-NOT_YOURS = Refusal(
+ENDED = PageRefusal(why="ended", text="The page's server is ending.")
+LET_GO = PageRefusal(why="let_go", text="Let go, then press again.")
+NOT_YOURS = PageRefusal(
     why="not_yours", text="This page has no control of the robot. Take control to drive from here."
 )
 
@@ -62,9 +62,9 @@ class PageCommands:
         clock: Clock,
         put: Callable[[Twist2d], None],
         *,
-        obstacle: Callable[[], Refusal | None],
+        obstacle: Callable[[], PageRefusal | None],
         changed: Callable[[], None],
-        lapsed: Callable[[int, Refusal], None],
+        lapsed: Callable[[int, PageRefusal], None],
     ) -> None:
         self._clock = clock
         self._put = put
@@ -103,7 +103,7 @@ class PageCommands:
         self.give_back(page)
         self._pressed.discard(page)
 
-    def command(self, page: int, twist: Twist2d, age_ns: int | None) -> Refusal | None:
+    def command(self, page: int, twist: Twist2d, age_ns: int | None) -> PageRefusal | None:
         """Obey a command, or say why not.
 
         Args:
@@ -136,7 +136,7 @@ class PageCommands:
         self._silence.close()
         self._zeros.close()
 
-    def _refusal(self, page: int, age_ns: int | None) -> Refusal | None:
+    def _refusal(self, page: int, age_ns: int | None) -> PageRefusal | None:
         if self._ended:
             return ENDED
         if page != self._driver:
@@ -144,7 +144,7 @@ class PageCommands:
         if obstacle := self._obstacle():
             return obstacle
         if age_ns is None or age_ns > LAPSE_NS:
-            return Refusal(why="late", text=LATE, age_ns=age_ns)
+            return PageRefusal(why="late", text=LATE, age_ns=age_ns)
         return LET_GO if page in self._pressed else None
 
     def _zero(self) -> None:

@@ -35,7 +35,7 @@ class Control(msgspec.Struct, frozen=True, tag="control"):
     if_free: bool = False
 
 
-class Request(msgspec.Struct, frozen=True, tag="request"):
+class RequestFrame(msgspec.Struct, frozen=True, tag="request"):
     """The page asks for something that is answered."""
 
     id: _Number
@@ -45,7 +45,7 @@ class Request(msgspec.Struct, frozen=True, tag="request"):
     theta: float = 0.0
 
 
-class EmergencyStop(msgspec.Struct, frozen=True, tag="estop"):
+class StopFrame(msgspec.Struct, frozen=True, tag="estop"):
     """The page engages the emergency stop."""
 
     id: _Number = 0
@@ -65,7 +65,7 @@ class Tool(msgspec.Struct, frozen=True, tag="tool"):
     args: dict[str, Any] = {}
 
 
-class Hold(msgspec.Struct, frozen=True, tag="hold"):
+class HoldFrame(msgspec.Struct, frozen=True, tag="hold"):
     """The button of a calibration is held, for the movement of this question."""
 
     beat: _Number
@@ -76,7 +76,7 @@ class LetGo(msgspec.Struct, frozen=True, tag="let_go"):
     """The button of a calibration was let go."""
 
 
-PageFrame: TypeAlias = Drive | Control | Request | EmergencyStop | Seen | Tool | Hold | LetGo
+PageFrame: TypeAlias = Drive | Control | RequestFrame | StopFrame | Seen | Tool | HoldFrame | LetGo
 
 _decoder: msgspec.json.Decoder[PageFrame] = msgspec.json.Decoder(PageFrame)
 _encoder = msgspec.json.Encoder()

@@ -17,17 +17,17 @@ from yahboomd.core.messages.codecs import encode
 from yahboomd.core.messages.native import EventSample
 from yahboomd.core.model import Twist2d, velocity_problem
 from yahboomd.web.beats import LAPSE_NS, PERIOD_NS, Beats
-from yahboomd.web.page_commands import LATE, NOT_YOURS, PageCommands, Refusal
+from yahboomd.web.page_commands import LATE, NOT_YOURS, PageCommands, PageRefusal
 from yahboomd.web.page_frames import (
     Control,
     Drive,
-    EmergencyStop,
-    Hold,
+    HoldFrame,
     LetGo,
     PageFrame,
-    Request,
+    RequestFrame,
     Role,
     Seen,
+    StopFrame,
     Tool,
     part,
     read_frame,
@@ -60,8 +60,10 @@ POLICY, FULL = 1008, 1013
 
 VIEWS = ("drive", "map", "wheels", "health", "calibrate", "record", "boxes")
 
-VIEWER = Refusal(why="viewer", text="This link lets you watch and stop the robot, not drive it.")
-CALIBRATES = Refusal(
+VIEWER = PageRefusal(
+    why="viewer", text="This link lets you watch and stop the robot, not drive it."
+)
+CALIBRATES = PageRefusal(
     why="calibrating", text="A calibration drives the robot. End it to drive from here."
 )
 ANOTHERS = "Another page has control of the robot. Take control first."
@@ -98,7 +100,7 @@ class PageHub:
             lapsed=self._lapsed,
         )
         self.tools = PageTools(clock, settings, source, self._show)
-        self._actions: dict[str, Callable[[Request], Awaitable[Answer]]] = {
+        self._actions: dict[str, Callable[[RequestFrame], Awaitable[Answer]]] = {
             "release": lambda _: self.robot.release(),
             "reset_odometry": lambda _: self.robot.reset_odometry(),
             "set_pose": lambda it: self.robot.set_pose(it.x, it.y, it.theta),
@@ -162,7 +164,7 @@ class PageHub:
             except (WebSocketDisconnect, KeyError):
                 return
             frame = read_frame(text)
-            if isinstance(frame, EmergencyStop):
+            if isinstance(frame, StopFrame):
                 # Before any limit; yet one who floods us with them leaves time for others.
                 self._stop(page, frame)
                 await asyncio.sleep(STOP_S)
@@ -187,13 +189,13 @@ class PageHub:
                     self._commands.give_back(page.number)
                 elif self._commands.driver is None or not if_free:
                     self._commands.take_control(page.number)
-            case Request() | Tool() if len(page.requests) >= MAX_REQUESTS:
+            case RequestFrame() | Tool() if len(page.requests) >= MAX_REQUESTS:
                 page.queue(_answered(frame.id, ok=False, text="One thing after the other."))
-            case Request():
+            case RequestFrame():
                 self._begin(page, self._answer(page, frame))
             case Tool():
                 self._begin(page, self._use(page, frame))
-            case Hold():
+            case HoldFrame():
                 if (refusal := self._hold(page, frame)) is not None:
                     self._refuse(page, refusal, "hold")
             case LetGo():
@@ -202,29 +204,29 @@ class PageHub:
                 age_ns = self._beats.age_ns(beat, page.joined)
                 if age_ns is not None:
                     page.show({"delay": part("delay", beat=beat, age_ms=age_ns // NS_PER_MS)})
-            case EmergencyStop():
+            case StopFrame():
                 pass
 
-    def _drive(self, page: PageSession, frame: Drive) -> Refusal | None:
+    def _drive(self, page: PageSession, frame: Drive) -> PageRefusal | None:
         if page.role != "driver":
             return VIEWER
         if (problem := velocity_problem(frame.vx, frame.vy, frame.wz)) is not None:
-            return Refusal(why="invalid", text=problem[1])
+            return PageRefusal(why="invalid", text=problem[1])
         twist = Twist2d(vx=frame.vx, vy=frame.vy, wz=frame.wz)
         age_ns = self._beats.age_ns(frame.beat, page.joined)
         return self._commands.command(page.number, twist, age_ns)
 
-    def _obstacle(self) -> Refusal | None:
+    def _obstacle(self) -> PageRefusal | None:
         if self.tools.calibration.page is not None:
             return CALIBRATES
         return self.robot.obstacle()
 
-    def _hold(self, page: PageSession, frame: Hold) -> Refusal | None:
+    def _hold(self, page: PageSession, frame: HoldFrame) -> PageRefusal | None:
         age_ns = self._beats.age_ns(frame.beat, page.joined)
         if age_ns is None or age_ns > LAPSE_NS:
-            return Refusal(why="late", text=LATE, age_ns=age_ns)
+            return PageRefusal(why="late", text=LATE, age_ns=age_ns)
         words = self.tools.calibration.hold(page.number, frame.question)
-        return Refusal(why="not_calibrating", text=words) if words else None
+        return PageRefusal(why="not_calibrating", text=words) if words else None
 
     async def _use(self, page: PageSession, tool: Tool) -> None:
         refusal = self._tool_refusal(page, tool)
@@ -234,7 +236,7 @@ class PageHub:
             done, words = False, refusal.text
         page.queue(_answered(tool.id, ok=done, text=words))
 
-    def _tool_refusal(self, page: PageSession, tool: Tool) -> Refusal | None:
+    def _tool_refusal(self, page: PageSession, tool: Tool) -> PageRefusal | None:
         if page.role != "driver":
             return VIEWER
         if tool.do != "calibrate":
@@ -251,7 +253,7 @@ class PageHub:
         page.requests.add(task)
         task.add_done_callback(page.requests.discard)
 
-    def _stop(self, page: PageSession, frame: EmergencyStop) -> None:
+    def _stop(self, page: PageSession, frame: StopFrame) -> None:
         asked = self.robot.engage()
 
         async def answer() -> None:
@@ -262,7 +264,7 @@ class PageHub:
         if len(page.requests) < 4 * MAX_REQUESTS:
             self._begin(page, answer())
 
-    async def _answer(self, page: PageSession, request: Request) -> None:
+    async def _answer(self, page: PageSession, request: RequestFrame) -> None:
         action = self._actions.get(request.do)
         if page.role != "driver":
             page.queue(_answered(request.id, ok=False, text=VIEWER.text))
@@ -275,7 +277,7 @@ class PageHub:
             found = await action(request)
             page.queue(_answered(request.id, ok=found.success, text=found.message, data=found.data))
 
-    def _refuse(self, page: PageSession, refusal: Refusal, what: str = "drive") -> None:
+    def _refuse(self, page: PageSession, refusal: PageRefusal, what: str = "drive") -> None:
         now_ns = self._clock.now_ns()
         if now_ns - page.refused_ns < REFUSALS_NS:
             return
@@ -339,7 +341,7 @@ class PageHub:
         for page in self._pages.values():
             page.queue(known)
 
-    def _lapsed(self, page: int, refusal: Refusal) -> None:
+    def _lapsed(self, page: int, refusal: PageRefusal) -> None:
         if (session := self._pages.get(page)) is not None:
             session.refused_ns = 0
             self._refuse(session, refusal)

@@ -10,7 +10,7 @@ import msgspec
 from yahboomd.core.clock import Clock
 from yahboomd.web.page_boxes import PageBoxes
 from yahboomd.web.page_calibration import PageCalibration
-from yahboomd.web.page_frames import Hold, Tool
+from yahboomd.web.page_frames import HoldFrame, Tool
 from yahboomd.web.page_recordings import PageRecordings
 
 
@@ -73,7 +73,7 @@ class PageTools:
                 words = "This server does not know that."
         return not words, words
 
-    def hold(self, page: int, hold: Hold) -> str:
+    def hold(self, page: int, hold: HoldFrame) -> str:
         """The button of the calibration is held; why that moves nothing, or nothing."""
         return self.calibration.hold(page, hold.question)
 

@@ -31,7 +31,7 @@ from yahboomd.core.messages.native import (
     WheelsSample,
 )
 from yahboomd.core.model import Twist2d
-from yahboomd.web.page_commands import Refusal
+from yahboomd.web.page_commands import PageRefusal
 from yahboomd.web.page_frames import part, sample_part
 
 LABEL = "the page"
@@ -131,20 +131,20 @@ class RobotFeed:
         status = self._connection.status
         return None if status is None else status.driver
 
-    def obstacle(self) -> Refusal | None:
+    def obstacle(self) -> PageRefusal | None:
         """The reason why no page can drive now, if there is one."""
         if not self.alive or self._publisher is None:
-            return Refusal(why="no_daemon", text=self.problem or "The bus is not open yet.")
+            return PageRefusal(why="no_daemon", text=self.problem or "The bus is not open yet.")
         status = self._connection.status
         if status is not None and status.state in {"estopped", "fault"}:
-            return Refusal(
+            return PageRefusal(
                 why="estop" if status.state == "estopped" else "fault",
                 text=f"The robot does not move. {status.why}",
             )
         if status is not None and status.state not in STATES:
-            return Refusal(why="fault", text=f"The robot does not move. {reason(status)}")
+            return PageRefusal(why="fault", text=f"The robot does not move. {reason(status)}")
         if self.barred or not self._publisher.has_subscribers:
-            return Refusal(why="no_source", text=no_source(self.source))
+            return PageRefusal(why="no_source", text=no_source(self.source))
         return None
 
     def put(self, twist: Twist2d) -> None:

@@ -1,6 +1,6 @@
 """HTTP: the page's files, the exchange of a token for a cookie, the emergency stop, the WebSocket.
 
-Every request passes :class:`Guard` first: Host, Origin, and the headers of every answer.
+Every request passes :class:`OriginGuard` first: Host, Origin, and the headers of every answer.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ class WebApplication:
             *Downloads(hub.tools, self._role).routes,
             WebSocketRoute("/ws", self._page),
         ]
-        self.asgi: ASGIApp = Guard(Starlette(routes=routes), origin)
+        self.asgi: ASGIApp = OriginGuard(Starlette(routes=routes), origin)
 
     def _role(self, connection: HTTPConnection) -> Role | None:
         if self._tokens is None:
@@ -175,7 +175,7 @@ class WebApplication:
         await self._hub.attend(socket, role)
 
 
-class Guard:
+class OriginGuard:
     """Refuses what is not from our own page, and adds the headers of every answer."""
 
     def __init__(self, application: ASGIApp, origin: RequestOrigin) -> None:

@@ -124,7 +124,7 @@ class WebServer(Server):
         # Frames of the WebSocket are compressed for none: it costs CPU for each page.
         config = WebConfig(
             application,
-            http=Connection,
+            http=CountedConnection,
             ws=PageSocket,
             lifespan="off",
             interface="asgi3",
@@ -152,7 +152,7 @@ class WebServer(Server):
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """End every connection, also those whose TLS begins."""
-        for each in list(Connection.waiting):
+        for each in list(CountedConnection.waiting):
             if not each.begun:
                 each.close()
         await super().shutdown(sockets)
@@ -164,10 +164,10 @@ class WebConfig(Config):
     tls: ssl.SSLContext | None = None
 
 
-class Connection(H11Protocol):
+class CountedConnection(H11Protocol):
     """One connection, which is counted until it is a page."""
 
-    waiting: ClassVar[dict[Connection, str]] = {}
+    waiting: ClassVar[dict[CountedConnection, str]] = {}
 
     begun = False
     _deadline: asyncio.TimerHandle | None = None

@@ -6,12 +6,12 @@ import argparse
 
 import pytest
 
-from yahboomd.cli.shell.command_tree import Command, describe, whole
+from yahboomd.cli.shell.command_tree import CommandNode, describe, whole
 from yahboomd.core.program import COMMANDS
 
 
 @pytest.fixture
-def top() -> Command:
+def top() -> CommandNode:
     parser = argparse.ArgumentParser(prog="robot", description="Drives.", epilog="examples:\n  x")
     commands = parser.add_subparsers()
     go = commands.add_parser("go", help="drive off")
@@ -25,13 +25,13 @@ def top() -> Command:
     return describe(parser)
 
 
-def test_a_command_is_named_by_what_is_typed(top: Command) -> None:
+def test_a_command_is_named_by_what_is_typed(top: CommandNode) -> None:
     assert [command.words for command in top.walk()] == [("robot",), ("robot", "go")]
     assert top.commands[0].line == "drive off"
     assert (top.description, top.epilog) == ("Drives.", "examples:\n  x")
 
 
-def test_an_option_has_its_flags_its_values_and_its_help(top: Command) -> None:
+def test_an_option_has_its_flags_its_values_and_its_help(top: CommandNode) -> None:
     options = {option.flags[-1]: option for option in top.commands[0].options}
     assert options["--map"].help == "the map (default: none)"
     assert (options["--map"].kind, options["--map"].values) == ("file", ("FILE",))
@@ -40,7 +40,7 @@ def test_an_option_has_its_flags_its_values_and_its_help(top: Command) -> None:
     assert options["--fast"].excludes == ("--slow",)
 
 
-def test_a_positional_argument_has_its_choices(top: Command) -> None:
+def test_a_positional_argument_has_its_choices(top: CommandNode) -> None:
     [argument] = top.commands[0].positionals
     assert (argument.values, argument.choices, argument.kind) == (
         ("PLACE",),
@@ -50,7 +50,7 @@ def test_a_positional_argument_has_its_choices(top: Command) -> None:
     assert argument.required
 
 
-def test_what_the_help_hides_is_hidden_here(top: Command) -> None:
+def test_what_the_help_hides_is_hidden_here(top: CommandNode) -> None:
     assert "--secret" not in {flag for each in top.commands[0].options for flag in each.flags}
 
 

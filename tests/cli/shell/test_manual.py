@@ -8,19 +8,19 @@ import subprocess
 
 import pytest
 
-from yahboomd.cli.shell.command_tree import Command, whole
+from yahboomd.cli.shell.command_tree import CommandNode, whole
 from yahboomd.cli.shell.manual import STATUSES, exit_statuses, pages, sections
 from yahboomd.core import errors
 from yahboomd.core.program import COMMANDS
 
 
 @pytest.fixture(scope="module")
-def top() -> Command:
+def top() -> CommandNode:
     return whole()
 
 
 @pytest.fixture(scope="module")
-def texts(top: Command) -> dict[str, str]:
+def texts(top: CommandNode) -> dict[str, str]:
     return pages(top)
 
 
@@ -51,7 +51,7 @@ def test_the_first_page_names_every_command_and_every_exit_status(texts: dict[st
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_a_page_has_examples_and_exit_statuses_that_are_known(name: str, top: Command) -> None:
+def test_a_page_has_examples_and_exit_statuses_that_are_known(name: str, top: CommandNode) -> None:
     command = next(each for each in top.commands if each.words[-1] == name)
     examples = [each for each in sections(command.epilog) if "yahboomd " in "".join(each.lines)]
     assert examples
@@ -59,7 +59,9 @@ def test_a_page_has_examples_and_exit_statuses_that_are_known(name: str, top: Co
     assert set(exit_statuses(command.epilog)) <= set(STATUSES)
 
 
-def test_every_option_is_on_the_page_of_its_command(top: Command, texts: dict[str, str]) -> None:
+def test_every_option_is_on_the_page_of_its_command(
+    top: CommandNode, texts: dict[str, str]
+) -> None:
     for command in top.commands:
         page = texts[f"{'-'.join(command.words)}.1"].replace("\\-", "-")
         for each in command.walk():

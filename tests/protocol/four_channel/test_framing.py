@@ -9,7 +9,7 @@ from yahboomd.core.protocol.four_channel.framing import (
     MAX_HELD_BYTES,
     RESYNC,
     Frame,
-    Framer,
+    LineFramer,
     TextLine,
 )
 
@@ -111,19 +111,19 @@ def test_every_case_gives_its_items_however_it_is_cut(each_way, case):
 
 
 def test_a_whole_frame_ends_what_was_too_long_and_a_line_may_follow_it():
-    framer = Framer()
+    framer = LineFramer()
     assert framer.feed(b"x" * (MAX_HELD_BYTES + 1)) == []
     assert framer.feed(b"$a:1#OK!\r\n") == [frame("a", "1", trailing=5), line("OK!")]
 
 
 def test_a_frame_comes_out_at_its_last_byte():
-    framer = Framer()
+    framer = LineFramer()
     assert framer.feed(b"$data:1,2,3,4") == []
     assert framer.feed(b"#") == [frame("data", "1,2,3,4")]
 
 
 def test_trailing_tells_how_many_bytes_of_the_chunk_came_later():
-    framer = Framer()
+    framer = LineFramer()
     framer.feed(b"$a:1#$b:")
     items = framer.feed(b"2#\r\nOK!\r\n$c:")
     assert [item.trailing for item in items] == [10, 3]
@@ -150,7 +150,7 @@ def test_trailing_tells_how_many_bytes_of_the_chunk_came_later():
     ],
 )
 def test_what_is_lost_is_counted(data, counters):
-    framer = Framer()
+    framer = LineFramer()
     framer.feed(data)
     seen = {name: getattr(framer.counters, name) for name in framer.counters.__struct_fields__}
     assert {name: count for name, count in seen.items() if count} == counters
@@ -158,7 +158,7 @@ def test_what_is_lost_is_counted(data, counters):
 
 @given(streams)
 def test_every_byte_is_accounted_for_once(parts):
-    framer = Framer()
+    framer = LineFramer()
     items = framer.feed(b"".join(parts))
     counters = framer.counters
     assert counters.bytes == sum(map(len, parts))
@@ -174,7 +174,7 @@ def test_every_byte_is_accounted_for_once(parts):
 
 @given(streams)
 def test_the_chunks_make_no_difference(parts):
-    apart, whole, single = Framer(), Framer(), Framer()
+    apart, whole, single = LineFramer(), LineFramer(), LineFramer()
     data = b"".join(parts)
     items = [(type(item), item.size) for item in whole.feed(data)]
     assert [(type(item), item.size) for part in parts for item in apart.feed(part)] == items
@@ -187,7 +187,7 @@ def test_the_chunks_make_no_difference(parts):
 
 @given(streams)
 def test_what_is_held_is_bounded(parts):
-    framer = Framer()
+    framer = LineFramer()
     for part in parts:
         framer.feed(part)
         assert framer.held_bytes <= MAX_HELD_BYTES
@@ -196,7 +196,7 @@ def test_what_is_held_is_bounded(parts):
 @given(streams)
 def test_a_chunk_that_comes_again_says_and_counts_the_same_as_byte_by_byte(parts):
     chunk = b"".join(parts)
-    whole, single = Framer(), Framer()
+    whole, single = LineFramer(), LineFramer()
     found = [item for _ in range(3) for item in whole.feed(chunk)]
     alone = [item for byte in 3 * chunk for item in single.feed(bytes([byte]))]
     assert [replace(item, trailing=0) for item in found] == alone
@@ -205,19 +205,19 @@ def test_a_chunk_that_comes_again_says_and_counts_the_same_as_byte_by_byte(parts
 
 @given(streams)
 def test_a_frame_behind_64_newlines_is_always_found(parts):
-    items = Framer().feed(b"".join(parts) + RESYNC + b"$MAll:1,-2,3,4#")
+    items = LineFramer().feed(b"".join(parts) + RESYNC + b"$MAll:1,-2,3,4#")
     assert items[-1] == frame("MAll", "1,-2,3,4")
 
 
 @given(streams)
 def test_a_frame_is_found_whatever_came_before(parts):
-    items = Framer().feed(b"".join(parts) + b"$MAll:1,-2,3,4#")
+    items = LineFramer().feed(b"".join(parts) + b"$MAll:1,-2,3,4#")
     assert items[-1] == frame("MAll", "1,-2,3,4")
 
 
 @given(st.binary(max_size=400))
 def test_no_bytes_raise_and_no_item_hides_a_steering_byte(data):
-    for item in Framer().feed(data):
+    for item in LineFramer().feed(data):
         if isinstance(item, Frame):
             assert not set(item.name + item.args) & set("$#\n")
         else:
@@ -232,11 +232,11 @@ def test_a_resync_is_long_enough_for_the_board():
 
 @given(st.lists(st.binary(max_size=40) | st.sampled_from([b"$", b"#", b"\n", b"\x1b[2J"])))
 def test_no_text_of_a_board_can_command_a_terminal(parts: list[bytes]) -> None:
-    for item in Framer().feed(b"".join(parts)):
+    for item in LineFramer().feed(b"".join(parts)):
         texts = (item.text,) if isinstance(item, TextLine) else (item.name, item.args)
         assert all(c.isprintable() or c == "\t" for text in texts for c in text)
 
 
 def test_a_version_with_an_escape_sequence_is_still_read() -> None:
-    [item] = Framer().feed(b"Motor_Version:1.7.3\x1b]0;mine\x07\r\n")
+    [item] = LineFramer().feed(b"Motor_Version:1.7.3\x1b]0;mine\x07\r\n")
     assert item == TextLine(text="Motor_Version:1.7.3\ufffd]0;mine\ufffd", size=30, trailing=0)

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from yahboomd.core.protocol.dialect import Battery, Deltas, Speeds, Totals, Unrecognised
-from yahboomd.core.protocol.four_channel.framing import Framer
+from yahboomd.core.protocol.four_channel.framing import LineFramer
 from yahboomd.core.protocol.four_channel.streamed import Streamed
 from yahboomd.core.protocol.profiles import PROFILES
 
@@ -14,7 +14,7 @@ int32 = st.integers(-(2**31), 2**31 - 1)
 
 
 def decoded(data):
-    (item,) = Framer().feed(data)
+    (item,) = LineFramer().feed(data)
     return STREAMED.decode(item)
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from yahboomd.simulation.four_channel.flash import (
     SETTINGS,
     FlashContent,
-    Refused,
+    SettingRefused,
     changed,
     confirmation,
     decimal,
@@ -51,7 +51,7 @@ def test_decimals_of_the_ratio_are_cut() -> None:
 
 @pytest.mark.parametrize("args", [b"0", b"5", b"", b"-1"])
 def test_a_type_that_does_not_exist_is_refused(args: bytes) -> None:
-    assert changed(FlashContent(), b"mtype", args) == Refused(b"fail,type error!")
+    assert changed(FlashContent(), b"mtype", args) == SettingRefused(b"fail,type error!")
 
 
 @given(st.sampled_from(SETTINGS), st.binary(max_size=60))

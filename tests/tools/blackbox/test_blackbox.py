@@ -12,14 +12,14 @@ from made_boxes import HEADER, saved_box
 from zenoh_fixtures import free_endpoint
 
 from yahboomd.cli.main import main
-from yahboomd.core.blackbox.records import Decision
+from yahboomd.core.blackbox.records import DecisionRecord
 from yahboomd.core.blackbox.ring_file import RingFile
 from yahboomd.core.blackbox.saved_boxes import save_box
 from yahboomd.tools.blackbox import box_places
 
 BOX = saved_box(
-    (20.0, Decision(state="driving", driver="cmd_vel", why="cmd_vel drives.")),
-    (12.41, Decision(state="estopped", driver="", why="Emergency stop, engaged by Ann.")),
+    (20.0, DecisionRecord(state="driving", driver="cmd_vel", why="cmd_vel drives.")),
+    (12.41, DecisionRecord(state="estopped", driver="", why="Emergency stop, engaged by Ann.")),
 )
 
 Blackbox = Callable[..., tuple[int, str, str]]
@@ -90,7 +90,7 @@ def test_beside_a_daemon_it_names_the_box_that_is_not_saved_yet(
     blackbox: Blackbox, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def boxes(where: box_places.Places) -> list[box_places.Found]:
-        robot = box_places.Robot(namespace="bot1")
+        robot = box_places.BoxRobot(namespace="bot1")
         ring = box_places.Found(Path("/run/blackbox-7.ring"), "7", "running", 0, 1, robot)
         return [*(each for each in found(where) if each.kind == "saved"), ring]
 
@@ -132,8 +132,8 @@ def test_what_is_not_there_is_refused(blackbox: Blackbox, tmp_path: Path) -> Non
 
 def box_of(namespace: str, port: str, listen: str, why: str) -> bytes:
     config = {"zenoh": {"namespace": namespace, "listen": [listen]}, "serial": {"port": port}}
-    drives = Decision(state="driving", driver="cmd_vel", why="cmd_vel drives.")
-    stands = Decision(state="standing", driver="", why=why)
+    drives = DecisionRecord(state="driving", driver="cmd_vel", why="cmd_vel drives.")
+    stands = DecisionRecord(state="standing", driver="", why=why)
     return saved_box((20.0, drives), (12.41, stands), config=config)
 
 

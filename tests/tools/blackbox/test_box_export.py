@@ -23,8 +23,8 @@ HAPPENED = (
     (7.0, records.Received(data=b"$MAll:1,2,3,4#\r\n\xff")),
     (6.5, records.Armed()),
     (6.0, records.Written(data=b"$spd:0,0,0,0#")),
-    (5.0, records.Command(source="cmd_vel", vx=0.5, vy=0.0, wz=0.0, refused="stale")),
-    (4.0, records.Decision(state="estopped", driver="", why="Emergency stop.")),
+    (5.0, records.CommandRecord(source="cmd_vel", vx=0.5, vy=0.0, wz=0.0, refused="stale")),
+    (4.0, records.DecisionRecord(state="estopped", driver="", why="Emergency stop.")),
     (3.0, records.Happened(event=ESTOP)),
     (2.0, records.Closed()),
 )

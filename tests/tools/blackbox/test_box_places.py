@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from made_boxes import HEADER, SECOND_NS, WALL_NS, ring_of, saved_box
 
-from yahboomd.core.blackbox.records import Decision
+from yahboomd.core.blackbox.records import DecisionRecord
 from yahboomd.core.blackbox.ring_file import RingFile, ring_folder
 from yahboomd.core.blackbox.saved_boxes import save_box
 from yahboomd.core.errors import ConfigError
@@ -58,8 +58,8 @@ def test_a_stop_that_no_save_shows_yet_is_meant_before_an_older_save(
 ) -> None:
     where = filled(tmp_path)
     ring = tmp_path / "ring"
-    drives = Decision(state="driving", driver="cmd_vel", why="cmd_vel drives.")
-    silent = Decision(state="stopping", driver="", why="cmd_vel fell silent.")
+    drives = DecisionRecord(state="driving", driver="cmd_vel", why="cmd_vel drives.")
+    silent = DecisionRecord(state="stopping", driver="", why="cmd_vel fell silent.")
     ring.write_bytes(ring_of((40.0, drives), (20.0, silent)))
     for path in where.saved[0].iterdir():
         saved_ns = WALL_NS - seconds_ago * SECOND_NS

@@ -22,14 +22,14 @@ from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 from yahboomd.tools.blackbox.box_story import before, story, summary, utc, wall_clock
 
-DRIVES = records.Decision(state="driving", driver="cmd_vel", why="cmd_vel drives.")
-SILENT = records.Decision(state="standing", driver="", why="No command for 0.5 s.")
-ESTOP = records.Decision(state="estopped", driver="", why="Emergency stop, engaged by Ann.")
+DRIVES = records.DecisionRecord(state="driving", driver="cmd_vel", why="cmd_vel drives.")
+SILENT = records.DecisionRecord(state="standing", driver="", why="No command for 0.5 s.")
+ESTOP = records.DecisionRecord(state="estopped", driver="", why="Emergency stop, engaged by Ann.")
 
 
 def commands(first_s: float, count: int, **fields: float):
     return [
-        (first_s - 0.05 * number, records.Command(source="cmd_vel", **(ZERO | fields)))
+        (first_s - 0.05 * number, records.CommandRecord(source="cmd_vel", **(ZERO | fields)))
         for number in range(count)
     ]
 
@@ -74,7 +74,7 @@ def test_commands_that_are_alike_are_one_line_until_the_source_falls_silent() ->
 
 
 def test_refused_commands_say_why() -> None:
-    refused = records.Command(source="nav", vx=0.1, vy=0.2, wz=0.0, refused="lower_priority")
+    refused = records.CommandRecord(source="nav", vx=0.1, vy=0.2, wz=0.0, refused="lower_priority")
     _, lines = retold((3.0, refused))
     assert lines == [
         (

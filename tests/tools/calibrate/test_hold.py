@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from yahboomd.simulation.virtual_time import START_NS
-from yahboomd.tools.calibrate.hold import HOLD_NS, Hold
+from yahboomd.tools.calibrate.hold import HOLD_NS, HeldButton
 
 MS = 1_000_000
 
@@ -24,7 +24,7 @@ class Button:
     def __init__(self) -> None:
         self.clock = _Clock()
         self.stops = 0
-        self.hold = Hold(self.clock, self._stop)  # type: ignore[arg-type]
+        self.hold = HeldButton(self.clock, self._stop)  # type: ignore[arg-type]
 
     def _stop(self) -> None:
         self.stops += 1

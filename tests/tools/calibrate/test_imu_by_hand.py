@@ -14,7 +14,7 @@ from yahboomd.core.config import Config
 from yahboomd.core.errors import Refused
 from yahboomd.core.messages.native import ImuSample
 from yahboomd.core.model import STANDSTILL, ImuReading, ImuSensor, Twist2d
-from yahboomd.simulation.imu import MPU9250, Imu
+from yahboomd.simulation.imu import MPU9250, ImuModel
 from yahboomd.simulation.virtual_time import on_virtual_time
 from yahboomd.tools.calibrate.estimates.hand_turn import Mounted
 from yahboomd.tools.calibrate.imu_by_hand import show_mounted, turn_by_hand
@@ -43,7 +43,7 @@ class Bench:
         self.wz = 0.0
         self.lose = False
         options = msgspec.structs.replace(MPU9250, axes=axes, gyro_scale=0.0, warming_k=0.0)
-        self._imu = Imu(options, Random(1))
+        self._imu = ImuModel(options, Random(1))
 
     def stream(self) -> AsyncIterator[ImuSample]:
         return self._samples()

@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from yahboomd.core.link.line import Heard
+from yahboomd.core.link.line import ReceivedSample
 from yahboomd.core.protocol.dialect import FramerCounters
 from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.core.protocol.registry import DIALECTS
@@ -33,7 +33,7 @@ def board(**facts: Any) -> Examination:
         "volts": 7.4,
         "ticks": (0, 0, 0, 0),
         "standing": True,
-        "heard": Heard(counters=FramerCounters()),
+        "heard": ReceivedSample(counters=FramerCounters()),
     }
     return Examination(**(usual | facts))
 

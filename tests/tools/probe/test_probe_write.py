@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from yahboomd.core.link.storing import Step
+from yahboomd.core.link.storing import StoringStep
 from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.core.protocol.settings import BoardSettings, SettingWrite
 from yahboomd.tools.probe.probe_write import Printed, agreed, stored_value
@@ -22,12 +22,12 @@ class Terminal(io.StringIO):
         return True
 
 
-def step(**facts: Any) -> Step:
+def step(**facts: Any) -> StoringStep:
     usual: dict[str, Any] = {"write": WRITE, "outcome": "stored", "attempts": 1, "took_s": 0.11111}
-    return Step(**(usual | {"answer": "Set mline:OK!"} | facts))
+    return StoringStep(**(usual | {"answer": "Set mline:OK!"} | facts))
 
 
-def printed(capsys: pytest.CaptureFixture[str], done: Step, lines_now: int = 13) -> str:
+def printed(capsys: pytest.CaptureFixture[str], done: StoringStep, lines_now: int = 13) -> str:
     progress = Printed()
     progress.begins(DIALECTS["streamed"], (WRITE,), BoardSettings(lines=11))
     capsys.readouterr()

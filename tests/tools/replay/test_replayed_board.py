@@ -15,7 +15,7 @@ from yahboomd.core.link.session import Session, SessionOptions
 from yahboomd.core.model import EncoderReading
 from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.simulation.virtual_time import on_virtual_time
-from yahboomd.tools.replay.recorded_wire import Connection, Piece, Poll, connections
+from yahboomd.tools.replay.recorded_wire import Piece, Poll, WireRecord, connections
 from yahboomd.tools.replay.replayed_board import LAST_WORDS_NS, UNPLUGGED_NS, ReplayedBoard
 from yahboomd.tools.replay.replayed_poses import PoseReplay
 
@@ -30,7 +30,7 @@ def never(_dialect: object, question: bytes) -> bytes:
 
 
 async def played(
-    recorded: list[Connection], options: SessionOptions
+    recorded: list[WireRecord], options: SessionOptions
 ) -> tuple[ReplayedBoard, Recorder]:
     """A session with the recorded board, until the recording ends."""
     board, recorder, ended = ReplayedBoard(recorded, never), Recorder(), asyncio.Event()
@@ -98,10 +98,10 @@ async def test_a_board_that_is_asked_answers_each_poll_with_the_answer_of_its_ti
         assert ticks in near or at_ns > moments[-1]
 
 
-def simple(*pieces: Piece, dialect: str = "streamed", **fields: object) -> Connection:
+def simple(*pieces: Piece, dialect: str = "streamed", **fields: object) -> WireRecord:
     given: dict[str, object] = {"answers": {}, "polls": [], "begins_ns": 0}
     given["ends_ns"] = pieces[-1].at_ns if pieces else 0
-    return Connection(dialect=DIALECTS[dialect], stream=list(pieces), **(given | fields))  # type: ignore[arg-type]
+    return WireRecord(dialect=DIALECTS[dialect], stream=list(pieces), **(given | fields))  # type: ignore[arg-type]
 
 
 def run_to(board: ReplayedBoard, ns: int, step_ns: int = MS) -> list[bytes]:

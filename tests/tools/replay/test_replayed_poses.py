@@ -10,7 +10,7 @@ from replay_captures import FOLDER, HEADINGS, golden
 from wire_records import TappedOdometer, WireBench, header_of
 
 from yahboomd.core.blackbox.box_file import Box, read_box
-from yahboomd.core.blackbox.records import Anchor, Armed, Reading, Received, Record
+from yahboomd.core.blackbox.records import Anchor, Armed, ReadingRecord, Received, Record
 from yahboomd.core.model import EncoderReading, Pose2d
 from yahboomd.core.odometry.odometer import Update
 from yahboomd.simulation.virtual_time import on_virtual_time
@@ -108,7 +108,7 @@ def test_the_odometer_is_called_in_the_order_in_which_the_daemon_called_it() -> 
         [
             Record(10_000, Received(data=came)),
             Record(10_001, Armed()),
-            Record(10_002, Reading(received_ns=10_000, requested_ns=9_990, **flags)),
+            Record(10_002, ReadingRecord(received_ns=10_000, requested_ns=9_990, **flags)),
             Record(20_000, Received(data=after)),
         ]
     )
@@ -126,7 +126,7 @@ def test_the_odometer_is_called_in_the_order_in_which_the_daemon_called_it() -> 
 
 def test_a_reading_that_the_bytes_do_not_show_is_counted() -> None:
     replay = PoseReplay(captured("streamed").header)
-    lost = Record(5, Reading(received_ns=4))
+    lost = Record(5, ReadingRecord(received_ns=4))
     replay.run([lost, Record(0, Anchor(port="p", byte_ns=1, dialect="streamed", state=b"")), lost])
     assert replay.compared.unmatched == 1
     assert not replay.compared.same

@@ -8,7 +8,7 @@ from yahboomd.core.drive.kinematics import unit_geometry
 from yahboomd.core.errors import Refused
 from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.core.protocol.settings import BoardSettings
-from yahboomd.tools.calibrate.estimates.wiring import WiredMotor, Wiring
+from yahboomd.tools.calibrate.estimates.wiring import WiredMotor, WiringFound
 from yahboomd.tools.setup.board_law import as_drivable, drivable
 from yahboomd.tools.setup.robot_drawing import wheels_of
 from yahboomd.tools.setup.robot_file import as_config
@@ -67,12 +67,12 @@ def wired(*plugs: int) -> tuple[WiredMotor, ...]:
 
 
 def test_a_wiring_that_can_be_driven_stays_as_it_is() -> None:
-    verdict = Wiring(motors=wired(1, 2, 3, 4))
+    verdict = WiringFound(motors=wired(1, 2, 3, 4))
     assert as_drivable(verdict, [wired(4, 3, 2, 1), wired(1, 2, 3, 4)]) is verdict
 
 
 def test_the_fewest_plugs_are_changed_and_each_is_named() -> None:
-    verdict = Wiring(motors=wired(2, 1, -3, 4))
+    verdict = WiringFound(motors=wired(2, 1, -3, 4))
     found = as_drivable(verdict, [wired(4, 3, 2, 1), wired(1, 2, 3, 4)])
     assert found.motors == wired(1, 2, 3, 4)
     words = [fault.words for fault in found.faults]

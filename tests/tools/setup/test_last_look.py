@@ -13,7 +13,7 @@ from yahboomd.simulation.options import FOUR_WHEELS, TWO_WHEELS
 from yahboomd.simulation.virtual_time import on_virtual_time
 from yahboomd.tools.setup.description import Given
 from yahboomd.tools.setup.last_look import judged
-from yahboomd.tools.setup.outcome import Outcome
+from yahboomd.tools.setup.outcome import SetupOutcome
 from yahboomd.tools.setup.robot_file import as_toml
 
 
@@ -34,7 +34,7 @@ def robot(**options: Any) -> tuple[LinkBench, SimulatedPerson]:
     return bench, person
 
 
-def written(found: Outcome) -> str:
+def written(found: SetupOutcome) -> str:
     return as_toml(found.description, found.wiring, gear=found.gear.words)
 
 

@@ -8,14 +8,14 @@ from simulated_person import outcome
 from yahboomd.core.config import Config, read
 from yahboomd.core.drive.kinematics import KINEMATICS
 from yahboomd.core.errors import ConfigError
-from yahboomd.tools.calibrate.estimates.wiring import Wiring, WiringFault
-from yahboomd.tools.setup.outcome import Outcome
+from yahboomd.tools.calibrate.estimates.wiring import WiringFault, WiringFound
+from yahboomd.tools.setup.outcome import SetupOutcome
 from yahboomd.tools.setup.robot_file import as_toml, write_robot
 
 TEXT = as_toml(outcome().description, outcome().wiring)
 
 
-def config_of(found: Outcome, folder: Path, **more: str) -> Config:
+def config_of(found: SetupOutcome, folder: Path, **more: str) -> Config:
     path = folder / "robot.toml"
     write_robot(path, as_toml(found.description, found.wiring, **more), overwrite=True)
     return read(path, environ={}).config
@@ -50,7 +50,7 @@ def test_without_a_named_port_it_is_looked_for(tmp_path: Path) -> None:
 def test_what_has_to_be_repaired_stands_at_its_head() -> None:
     fault = WiringFault("encoder_dead", 1, "left", "M1 is not counted.")
     found = outcome()
-    wiring = Wiring(motors=found.wiring.motors, faults=(fault,))
+    wiring = WiringFound(motors=found.wiring.motors, faults=(fault,))
     text = as_toml(found.description, wiring)
     assert "# To be repaired: M1 is not counted." in text.splitlines()
 

@@ -32,7 +32,7 @@ from yahboomd.simulation.options import FOUR_WHEELS, TWO_WHEELS, Wiring, at_plug
 from yahboomd.simulation.rosmaster.rosmaster_board import RosmasterStored
 from yahboomd.simulation.virtual_time import on_virtual_time
 from yahboomd.tools.setup.description import Given
-from yahboomd.tools.setup.outcome import Outcome
+from yahboomd.tools.setup.outcome import SetupOutcome
 from yahboomd.tools.setup.robot_file import as_toml, write_robot
 
 
@@ -49,7 +49,9 @@ SAMPLE = random.Random(4).sample(EVERY_WIRING, 6)
 SELECTED = EVERY_WIRING if "YAHBOOMD_EVERY_WIRING" in os.environ else SAMPLE
 
 
-async def drives_straight_and_turns_left(bench: LinkBench, found: Outcome, folder: Path) -> None:
+async def drives_straight_and_turns_left(
+    bench: LinkBench, found: SetupOutcome, folder: Path
+) -> None:
     path = folder / "robot.toml"
     write_robot(path, as_toml(found.description, found.wiring), overwrite=True)
     assert [(m.name, m.position) for m in read(path, environ={}).config.motors()]

@@ -18,7 +18,7 @@ from yahboomd.cli import stop
 from yahboomd.cli.main import main, whole_parser
 from yahboomd.core.errors import PortMissing
 from yahboomd.core.link import discovery, port_note
-from yahboomd.core.link.line import Heard
+from yahboomd.core.link.line import ReceivedSample
 from yahboomd.core.link.port_identity import identify
 from yahboomd.core.link.port_note import PortNote
 from yahboomd.core.link.takeover import TakeoverReport
@@ -274,7 +274,7 @@ def test_a_program_that_also_reads_the_port_is_named_with_how_to_end_it(
                 stood=None,
                 cut=False,
                 within_s=1.0,
-                heard=Heard(counters=FramerCounters()),
+                heard=ReceivedSample(counters=FramerCounters()),
             )
         )
         reader.kill()

@@ -17,9 +17,9 @@ from yahboomd.core.daemon.estop.local_stop import LocalStop
 from yahboomd.core.messages.native import ServiceReply
 from yahboomd.tools.stop import stop_local
 from yahboomd.tools.stop.stop_local import (
+    DaemonChoice,
     LocalDaemon,
     LocalStops,
-    Wanted,
     find,
     holds,
     sockets,
@@ -88,7 +88,7 @@ async def daemon(tmp_path: Path) -> AsyncIterator[Callable[..., object]]:
     await asyncio.sleep(0)
 
 
-async def stopped(wanted: Wanted, environ: dict[str, str]) -> tuple[LocalStops, list[tuple]]:
+async def stopped(wanted: DaemonChoice, environ: dict[str, str]) -> tuple[LocalStops, list[tuple]]:
     stops = LocalStops()
 
     def work() -> list[tuple]:
@@ -100,7 +100,7 @@ async def stopped(wanted: Wanted, environ: dict[str, str]) -> tuple[LocalStops, 
 
 async def test_every_daemon_is_stopped_where_none_is_named(daemon, environ) -> None:
     daemons = [await daemon(), await daemon("bot1"), await daemon("bot2")]
-    stops, outcomes = await stopped(Wanted(), environ)
+    stops, outcomes = await stopped(DaemonChoice(), environ)
     assert [each.stops for each in daemons] == [1, 1, 1]
     assert {(name, stood) for name, stood, _ in outcomes} == {
         ("", True),
@@ -127,7 +127,7 @@ async def test_a_variable_that_names_no_robot_leaves_no_daemon_out(
 
 async def test_one_that_is_not_named_is_left_alone(daemon, environ) -> None:
     one, other = await daemon("bot1"), await daemon("bot2")
-    stops, outcomes = await stopped(Wanted(namespace="bot1"), environ)
+    stops, outcomes = await stopped(DaemonChoice(namespace="bot1"), environ)
     assert (one.stops, other.stops) == (1, 0)
     assert [name for name, _, _ in outcomes] == ["bot1"]
     assert [each.namespace for each in stops.others] == ["bot2"]
@@ -143,7 +143,7 @@ async def test_wheels_that_do_not_stand_are_not_said_to(
 
     monkeypatch.setattr(local_stop, "STAND_WITHIN_S", 0.2)
     await daemon(speed=speed)
-    _, ((_, stood, said),) = await stopped(Wanted(), environ)
+    _, ((_, stood, said),) = await stopped(DaemonChoice(), environ)
     assert not stood
     assert words in said
 
@@ -164,7 +164,7 @@ async def test_one_that_does_not_answer_holds_up_no_other_and_has_the_stop_as_it
     monkeypatch.setattr(stop_local, "STOOD_WITHIN_S", 1.0)
     living = await daemon()
     with frozen(tmp_path / "own") as sock:
-        stops, outcomes = await stopped(Wanted(), environ)
+        stops, outcomes = await stopped(DaemonChoice(), environ)
         assert living.stops == 1
         assert len(outcomes) == 1
         assert [each.pid for each in stops.silent] == [os.getpid()]
@@ -183,7 +183,9 @@ async def test_one_that_was_too_busy_to_answer_and_stops_is_known_by_its_name(
     stops = LocalStops()
 
     def work() -> list[LocalDaemon]:
-        stops.engage(Wanted(), [LocalDaemon(each.socket, each.pid, True) for each in find(environ)])
+        stops.engage(
+            DaemonChoice(), [LocalDaemon(each.socket, each.pid, True) for each in find(environ)]
+        )
         return [each.robot for each in stops.outcomes()]
 
     (robot,) = await asyncio.to_thread(work)
@@ -195,7 +197,7 @@ async def test_one_that_does_not_answer_and_may_be_another_is_left_alone(
 ) -> None:
     monkeypatch.setattr(stop_local, "STATUS_WITHIN_S", 0.5)
     with frozen(tmp_path / "own"):
-        stops, outcomes = await stopped(Wanted(namespace="bot1"), environ)
+        stops, outcomes = await stopped(DaemonChoice(namespace="bot1"), environ)
     assert (outcomes, stops.silent, stops.others) == ([], [], [])
     assert len(stops.unknown) == 1
 
@@ -219,22 +221,22 @@ async def test_a_refused_user_finds_no_daemon(
 @pytest.mark.parametrize(
     ("wanted", "robot", "fits"),
     [
-        (Wanted(), BOT1, True),
-        (Wanted(), SILENT, True),
-        (Wanted(namespace="bot1"), BOT1, True),
-        (Wanted(namespace=""), BOT1, False),
-        (Wanted(namespace="bot1"), SILENT, False),
-        (Wanted(namespace=""), SILENT, False),
-        (Wanted(port="/dev/ttyUSB0"), BOT1, True),
-        (Wanted(port="/dev/../dev/ttyUSB0"), BOT1, True),
-        (Wanted(port="/dev/ttyUSB1"), BOT1, False),
-        (Wanted(port="/dev/ttyUSB1"), SILENT, False),
-        (Wanted(namespace="bot1", listen=("tcp/x:1", "tcp/y:1")), BOT1, True),
-        (Wanted(namespace="bot1", listen=("tcp/y:1",)), BOT1, False),
+        (DaemonChoice(), BOT1, True),
+        (DaemonChoice(), SILENT, True),
+        (DaemonChoice(namespace="bot1"), BOT1, True),
+        (DaemonChoice(namespace=""), BOT1, False),
+        (DaemonChoice(namespace="bot1"), SILENT, False),
+        (DaemonChoice(namespace=""), SILENT, False),
+        (DaemonChoice(port="/dev/ttyUSB0"), BOT1, True),
+        (DaemonChoice(port="/dev/../dev/ttyUSB0"), BOT1, True),
+        (DaemonChoice(port="/dev/ttyUSB1"), BOT1, False),
+        (DaemonChoice(port="/dev/ttyUSB1"), SILENT, False),
+        (DaemonChoice(namespace="bot1", listen=("tcp/x:1", "tcp/y:1")), BOT1, True),
+        (DaemonChoice(namespace="bot1", listen=("tcp/y:1",)), BOT1, False),
     ],
 )
 def test_the_port_decides_then_the_namespace_and_where_it_listens(
-    wanted: Wanted, robot: LocalDaemon, fits: bool
+    wanted: DaemonChoice, robot: LocalDaemon, fits: bool
 ) -> None:
     assert wanted.fits(robot) is fits
 
@@ -262,7 +264,7 @@ def test_a_process_is_known_by_the_port_that_it_has_open() -> None:
         assert holds(os.getpid(), os.ttyname(near))
         assert not holds(os.getpid(), "/dev/tty0")
         assert not holds(os.getpid(), "/nonexistent")
-        assert Wanted(port=os.ttyname(near)).fits(SILENT._replace(pid=os.getpid()))
+        assert DaemonChoice(port=os.ttyname(near)).fits(SILENT._replace(pid=os.getpid()))
     finally:
         os.close(far)
         os.close(near)

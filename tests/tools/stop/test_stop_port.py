@@ -14,7 +14,7 @@ import pytest
 from yahboomd.cli.main import main
 from yahboomd.core.errors import LinkError, PortBusy, PortMissing
 from yahboomd.core.link import port_note
-from yahboomd.core.link.line import Heard
+from yahboomd.core.link.line import ReceivedSample
 from yahboomd.core.link.port_note import PortNote
 from yahboomd.core.link.seize import Seized
 from yahboomd.core.link.takeover import TakeoverReport
@@ -37,7 +37,7 @@ def report(**facts: object) -> TakeoverReport:
         "stood": True,
         "cut": False,
         "within_s": 0.234,
-        "heard": Heard(counters=FramerCounters()),
+        "heard": ReceivedSample(counters=FramerCounters()),
     }
     return TakeoverReport(**(usual | facts))  # type: ignore[arg-type]
 

@@ -9,7 +9,7 @@ import pytest
 from yahboomd.core.errors import Refused
 from yahboomd.tools.tune.estimates.step_response import StepFigures
 from yahboomd.tools.tune.step_picture import draw, save_picture, summary
-from yahboomd.tools.tune.tuning_result import Result, Wheel
+from yahboomd.tools.tune.tuning_result import Result, WheelTuning
 
 SOON = StepFigures(rise_s=0.05, overshoot=0.012, settling_s=0.08, steady_error=-0.001)
 NEVER = StepFigures(rise_s=None, overshoot=0.0, settling_s=None, steady_error=-0.6)
@@ -19,7 +19,7 @@ def result(wheels: int) -> Result:
     return Result(
         speed_m_s=0.4,
         wheels=[
-            Wheel(name=f"wheel{number}", position=number, before=NEVER, after=SOON)
+            WheelTuning(name=f"wheel{number}", position=number, before=NEVER, after=SOON)
             for number in range(1, wheels + 1)
         ],
         traces={"before": [[0.1] * 150] * wheels, "after": [[0.4] * 150] * wheels},

@@ -18,7 +18,7 @@ from tuning_bench import TuningBench
 
 from benchmarks.soak.processes import DAEMON_NICE, prefer
 from yahboomd.cli.main import main
-from yahboomd.cli.tune import Tuning
+from yahboomd.cli.tune import TuneCommand
 from yahboomd.core.errors import BoardError, PortBusy, Refused
 from yahboomd.simulation.motors import FAULTS
 from yahboomd.simulation.virtual_time import on_virtual_time
@@ -246,7 +246,7 @@ async def test_where_the_picture_is_not_written_the_figures_are_shown(
     bench, picture = TuningBench(), tmp_path / "steps.svg"
     picture.symlink_to("/dev/full")
     args = argparse.Namespace(yes=True, dry_run=True, json=as_json, output=picture, speed=0.4)
-    tuning = Tuning(args, bench.config, "/dev/simulated", tmp_path / "saved")
+    tuning = TuneCommand(args, bench.config, "/dev/simulated", tmp_path / "saved")
     try:
         status = await tuning.tune(bench.procedure())
         words = json.loads(capsys.readouterr().out)["error"]
@@ -267,7 +267,7 @@ async def test_a_folder_that_takes_no_file_is_refused_before_a_wheel_turns(
     args = argparse.Namespace(
         yes=True, dry_run=dry_run, json=False, output=tmp_path / "steps.svg", speed=0.4
     )
-    tuning = Tuning(args, bench.config, "/dev/simulated", tmp_path / "file" / "saved")
+    tuning = TuneCommand(args, bench.config, "/dev/simulated", tmp_path / "file" / "saved")
     if dry_run:
         assert await tuning.tune(bench.procedure()) == 0
     else:
@@ -286,7 +286,7 @@ async def test_a_tuning_that_ends_early_says_that_the_board_has_its_own_values(
     args = argparse.Namespace(
         yes=True, dry_run=False, json=False, output=tmp_path / "steps.svg", speed=0.4
     )
-    tuning = Tuning(args, bench.config, "/dev/simulated", place)
+    tuning = TuneCommand(args, bench.config, "/dev/simulated", place)
     procedure = bench.procedure()
 
     def say(words: str) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from yahboomd.tools.tune.estimates.step_response import StepFigures
 from yahboomd.tools.tune.tune_text import lines, values
-from yahboomd.tools.tune.tuning_result import Result, Wheel
+from yahboomd.tools.tune.tuning_result import Result, WheelTuning
 
 SOON = StepFigures(rise_s=0.05, overshoot=0.012, settling_s=0.08, steady_error=-0.001)
 NEVER = StepFigures(rise_s=None, overshoot=0.0, settling_s=None, steady_error=-0.6)
@@ -17,7 +17,9 @@ def test_it_has_both_steps_of_each_wheel_and_every_write():
         stored_now={"pid": (0.7, 0.12, 0.0), "deadzone": 1900},
         suggested={"pid": (0.7, 0.12, 0.0), "deadzone": 1900},
         wheels=[
-            Wheel(name="left", position=1, turning_output=(2000, 1990), before=NEVER, after=SOON)
+            WheelTuning(
+                name="left", position=1, turning_output=(2000, 1990), before=NEVER, after=SOON
+            )
         ],
         writes=2,
         resets=1,
@@ -33,6 +35,6 @@ def test_it_has_both_steps_of_each_wheel_and_every_write():
 
 
 def test_where_nothing_is_stored_nothing_is_said_of_it():
-    text = "\n".join(lines(Result(speed_m_s=0.4, wheels=[Wheel(name="left", position=1)])))
+    text = "\n".join(lines(Result(speed_m_s=0.4, wheels=[WheelTuning(name="left", position=1)])))
     assert "stored" not in text
     assert values({}) == "nothing"

@@ -7,7 +7,7 @@ import pytest
 from yahboomd.tools.tune.estimates.loop_model import Gains
 from yahboomd.tools.tune.estimates.step_response import StepFigures
 from yahboomd.tools.tune.estimates.suggestion import Suggestion
-from yahboomd.tools.tune.tuning_result import Result, Wheel, rank_of, tuned_of
+from yahboomd.tools.tune.tuning_result import Result, WheelTuning, rank_of, tuned_of
 
 
 def figures(settling_s: float | None, overshoot: float = 0.0) -> StepFigures:
@@ -47,7 +47,7 @@ def test_a_suggestion_is_worth_a_write_where_it_settles_a_tenth_sooner_or_the_bo
         expected=Suggestion(
             gains=Gains(1.0, 0.1, 0.0), lambda_s=0.1, overshoot=0.0, settling_s=expected_s
         ),
-        wheels=[Wheel(name="left", position=1, before=before)],
+        wheels=[WheelTuning(name="left", position=1, before=before)],
     )
     assert result.worth_writing is worth
     result.suggested = {}

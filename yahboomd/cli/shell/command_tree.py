@@ -42,7 +42,7 @@ class Group(msgspec.Struct, frozen=True, kw_only=True):
     arguments: tuple[Argument, ...]
 
 
-class Command(msgspec.Struct, frozen=True, kw_only=True):
+class CommandNode(msgspec.Struct, frozen=True, kw_only=True):
     """A command, or one of its verbs.
 
     Attributes:
@@ -56,7 +56,7 @@ class Command(msgspec.Struct, frozen=True, kw_only=True):
     description: str
     epilog: str
     groups: tuple[Group, ...]
-    commands: tuple[Command, ...]
+    commands: tuple[CommandNode, ...]
 
     @property
     def arguments(self) -> tuple[Argument, ...]:
@@ -73,14 +73,14 @@ class Command(msgspec.Struct, frozen=True, kw_only=True):
         """The arguments without flags."""
         return tuple(argument for argument in self.arguments if not argument.flags)
 
-    def walk(self) -> Iterator[Command]:
+    def walk(self) -> Iterator[CommandNode]:
         """This command and every one below it."""
         yield self
         for command in self.commands:
             yield from command.walk()
 
 
-def describe(parser: argparse.ArgumentParser, line: str = "") -> Command:
+def describe(parser: argparse.ArgumentParser, line: str = "") -> CommandNode:
     """Read a parser into data."""
     formatter = parser._get_formatter()  # noqa: SLF001 - argparse has no public way to its parts
 
@@ -97,7 +97,7 @@ def describe(parser: argparse.ArgumentParser, line: str = "") -> Command:
                 if other is not action
                 for flag in other.option_strings
             )
-    commands: tuple[Command, ...] = ()
+    commands: tuple[CommandNode, ...] = ()
     groups = []
     for group in parser._action_groups:  # noqa: SLF001
         arguments = []
@@ -111,7 +111,7 @@ def describe(parser: argparse.ArgumentParser, line: str = "") -> Command:
                 arguments.append(_argument(action, words_of(action), excludes.get(action, ())))
         if arguments:
             groups.append(Group(title=group.title or "", arguments=tuple(arguments)))
-    return Command(
+    return CommandNode(
         words=tuple(parser.prog.split()),
         line=line,
         description=parser.description or "",
@@ -149,7 +149,7 @@ def _kind(names: tuple[str, ...], choices: tuple[str, ...]) -> Kind:
     return "folder" if names[0] in FOLDERS else "value"
 
 
-def whole() -> Command:
+def whole() -> CommandNode:
     """The whole command line of yahboomd."""
     from yahboomd.cli.main import whole_parser
 

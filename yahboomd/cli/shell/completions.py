@@ -8,7 +8,7 @@ import re
 import shlex
 from collections.abc import Callable, Mapping
 
-from yahboomd.cli.shell.command_tree import Argument, Command, whole
+from yahboomd.cli.shell.command_tree import Argument, CommandNode, whole
 
 DESCRIPTION = """\
 Print a script that lets a shell complete the commands and options of yahboomd. The Debian package
@@ -126,7 +126,7 @@ def run(args: argparse.Namespace) -> int:
     return os.EX_OK
 
 
-def bash(top: Command) -> str:
+def bash(top: CommandNode) -> str:
     """The script for bash."""
     known: list[str] = []
     commands: list[str] = []
@@ -167,7 +167,7 @@ def _bash_value(option: Argument) -> str:
             return ""
 
 
-def zsh(top: Command) -> str:
+def zsh(top: CommandNode) -> str:
     """The script for zsh."""
     functions = []
     for command in reversed(list(top.walk())):
@@ -194,7 +194,7 @@ def zsh(top: Command) -> str:
     return ZSH.format(note=NOTE, functions="".join(functions))
 
 
-def _zsh_name(command: Command) -> str:
+def _zsh_name(command: CommandNode) -> str:
     return "_" + "_".join(command.words)
 
 
@@ -220,7 +220,7 @@ def _zsh_positional(argument: Argument) -> str:
     return _single(f"{number}:{argument.values[0]}:({' '.join(argument.choices)})")
 
 
-def fish(top: Command) -> str:
+def fish(top: CommandNode) -> str:
     """The script for fish."""
     lines = []
     for command in top.walk():
@@ -248,7 +248,7 @@ def fish(top: Command) -> str:
     return FISH.format(note=NOTE, lines="\n".join(f"complete -c yahboomd {line}" for line in lines))
 
 
-SCRIPTS: Mapping[str, Callable[[Command], str]] = {"bash": bash, "zsh": zsh, "fish": fish}
+SCRIPTS: Mapping[str, Callable[[CommandNode], str]] = {"bash": bash, "zsh": zsh, "fish": fish}
 """Makes the script of each shell."""
 
 PLACES: Mapping[str, str] = {

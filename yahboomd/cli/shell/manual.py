@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 import msgspec
 
 from yahboomd import __version__
-from yahboomd.cli.shell.command_tree import Argument, Command
+from yahboomd.cli.shell.command_tree import Argument, CommandNode
 
 DATE = "2026-11-22"
 """The date of the pages, which changes with the version."""
@@ -57,30 +57,30 @@ ALWAYS = (2, 130)
 WIDTH = 70
 
 
-class Section(msgspec.Struct, frozen=True, kw_only=True):
+class ManualSection(msgspec.Struct, frozen=True, kw_only=True):
     """A part of an epilog: a heading that ends with a colon, and the lines below it."""
 
     heading: str
     lines: tuple[str, ...]
 
 
-def pages(top: Command) -> dict[str, str]:
+def pages(top: CommandNode) -> dict[str, str]:
     """Every man page by its file's name."""
     return {"yahboomd.1": _first_page(top)} | {
         f"{'-'.join(command.words)}.1": _page(command) for command in top.commands
     }
 
 
-def sections(epilog: str) -> list[Section]:
+def sections(epilog: str) -> list[ManualSection]:
     """Split an epilog at its headings; text without a heading has an empty one."""
-    found: list[Section] = []
+    found: list[ManualSection] = []
     heading, lines = "", list[str]()
 
     def end() -> None:
         nonlocal heading, lines
         kept = "\n".join(lines).strip("\n")
         if kept:
-            found.append(Section(heading=heading, lines=tuple(kept.split("\n"))))
+            found.append(ManualSection(heading=heading, lines=tuple(kept.split("\n"))))
         heading, lines = "", []
 
     for line in epilog.splitlines():
@@ -106,11 +106,11 @@ def exit_statuses(epilog: str) -> dict[int, str]:
     return found
 
 
-def _text(section: Section) -> str:
+def _text(section: ManualSection) -> str:
     return "\n".join(section.lines)
 
 
-def _first_page(top: Command) -> str:
+def _first_page(top: CommandNode) -> str:
     lines = [*_head(top, "daemon for Yahboom encoder motor driver boards"), ".SH SYNOPSIS"]
     lines += [".B yahboomd", ".I COMMAND", ".RI [ options ]", ".SH DESCRIPTION", *_prose(ABOUT)]
     lines.append(".SH COMMANDS")
@@ -123,7 +123,7 @@ def _first_page(top: Command) -> str:
     return _joined([*lines, *_epilog(top.epilog), *_see_also(top.commands)])
 
 
-def _page(command: Command) -> str:
+def _page(command: CommandNode) -> str:
     lines = [*_head(command, command.line), ".SH SYNOPSIS"]
     for each in command.commands or (command,):
         lines += [".PP", *_synopsis(each)]
@@ -153,7 +153,7 @@ def _joined(lines: list[str]) -> str:
     return re.sub(r"(?m)^(\.S[HS] .*\n)\.PP\n", r"\1", "\n".join(lines)) + "\n"
 
 
-def _head(command: Command, line: str) -> list[str]:
+def _head(command: CommandNode, line: str) -> list[str]:
     name = "-".join(command.words)
     return [
         f'.TH {_escaped(name.upper())} 1 {DATE} "yahboomd {__version__}" "User commands"',
@@ -162,7 +162,7 @@ def _head(command: Command, line: str) -> list[str]:
     ]
 
 
-def _synopsis(command: Command) -> list[str]:
+def _synopsis(command: CommandNode) -> list[str]:
     lines = [f".B {_escaped(' '.join(command.words))}"]
     shown: set[str] = {"--help"}
     for argument in (*command.options, *command.positionals):
@@ -225,7 +225,7 @@ def _block(lines: Iterable[str]) -> list[str]:
     return [".PP", ".nf", ".RS 2", *map(_escaped, text.split("\n")), ".RE", ".fi"]
 
 
-def _see_also(commands: Iterable[Command] = ()) -> list[str]:
+def _see_also(commands: Iterable[CommandNode] = ()) -> list[str]:
     names = ["-".join(command.words) for command in commands] or ["yahboomd"]
     shown = [f".BR {_escaped(name)} (1)," for name in names]
     return [".SH SEE ALSO", *shown, ".BR systemctl (1),", ".I /usr/share/doc/yahboomd/README.md"]

@@ -50,7 +50,7 @@ class Recorder:
         self._wall_ns = wall_ns
         self._port = self._dialect = ""
         self._byte_ns = 0
-        self._decision: records.Decision | None = None
+        self._decision: records.DecisionRecord | None = None
         self._second_ns = 0
         self._commands = 0
         self._posed_ns = 0
@@ -100,7 +100,6 @@ class Recorder:
         self._ring.write(WRITTEN, data, self._now_ns())
 
     def identified(self, dialect: str, settings: dict[str, Any] | None) -> None:
-        """The board is known."""
         self._dialect = dialect
         self._look()
         self.record(records.Identified(dialect=dialect, settings=settings))
@@ -115,7 +114,7 @@ class Recorder:
     def noted(self, reading: EncoderReading) -> None:
         """A reading is handed to the odometer, of which its bytes do not show all."""
         self.record(
-            records.Reading(
+            records.ReadingRecord(
                 received_ns=reading.received_ns,
                 requested_ns=reading.requested_ns,
                 earliest_ns=reading.earliest_ns,
@@ -144,7 +143,7 @@ class Recorder:
 
     def steered(self, curvature_per_m: float, now_ns: int) -> None:
         """A car was commanded to drive this curve."""
-        kind, payload = encode(records.Steered(curvature_per_m=curvature_per_m))
+        kind, payload = encode(records.SteerRecord(curvature_per_m=curvature_per_m))
         self._ring.write(kind, payload, now_ns)
 
     # Commands and decisions.
@@ -159,7 +158,9 @@ class Recorder:
         if self._commands > COMMANDS_A_SECOND:
             return
         self.record(
-            records.Command(source=source, vx=twist.vx, vy=twist.vy, wz=twist.wz, refused=refused)
+            records.CommandRecord(
+                source=source, vx=twist.vx, vy=twist.vy, wz=twist.wz, refused=refused
+            )
         )
 
     def _count_lost(self) -> None:
@@ -168,7 +169,7 @@ class Recorder:
 
     def decision(self, state: str, driver: str, why: str) -> None:
         """Who drives, and why the robot stands; recorded when it changed."""
-        decision = records.Decision(state=state, driver=driver, why=why)
+        decision = records.DecisionRecord(state=state, driver=driver, why=why)
         if decision != self._decision:
             self._decision = decision
             self.record(decision)

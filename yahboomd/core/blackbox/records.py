@@ -11,7 +11,7 @@ compute from the records, bit by bit, the estimates that the daemon computed. Fo
    before were made use of and no part of a frame was held: framers begin empty. ``dialect`` is that
    of the board; where it is empty no board is connected, and counts are not used.
 2. Hand on the records to the odometer in their order: :class:`Armed`, :class:`Renewal`,
-   :class:`PoseSet` and :class:`Steered` are calls of its methods.
+   :class:`PoseSet` and :class:`SteerRecord` are calls of its methods.
 3. :class:`Opened` begins a connection: a fresh framer, no dialect. :class:`Identified` tells the
    dialect; bytes since ``Opened`` went through its framer, and nothing of them to the odometer.
    From there on counts and samples of the inertial sensor do. :class:`Closed` ends it.
@@ -20,15 +20,15 @@ compute from the records, bit by bit, the estimates that the daemon computed. Fo
    sent ``item.size * byte_ns`` earlier. A sample of the inertial sensor was sent
    ``(item.trailing + item.size) * byte_ns`` before ``at_ns``, and is turned along the base by the
    header's ``imu``.
-5. A :class:`Reading` behind it completes the counts with the same ``received_ns``: what their bytes
-   do not show. Counts without one came by themselves, with no flag set. Where there is a
-   ``requested_ns``, they were sent no earlier.
+5. A :class:`ReadingRecord` behind it completes the counts with the same ``received_ns``, by the
+   facts that their bytes do not show. Counts without one came by themselves, with no flag set. If
+   it has ``requested_ns``, they were sent no earlier.
 6. :class:`Anchor` and :class:`Posed` have what the daemon computed, to compare with.
 
 ``yahboomd replay --odometry`` does this (:mod:`yahboomd.tools.replay.replayed_poses`).
 
-Of what a person decided, and of what the daemon decided, :class:`Command`, :class:`Decision` and
-:class:`Happened` are the record; :class:`Written` has the bytes to the board.
+:class:`CommandRecord`, :class:`DecisionRecord` and :class:`Happened` record the decisions of people
+and of the daemon; :class:`Written` has the bytes to the board.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class Closed(msgspec.Struct, frozen=True, kw_only=True):
     """The port was closed: what came of its bytes is over."""
 
 
-class Reading(msgspec.Struct, frozen=True, kw_only=True):
+class ReadingRecord(msgspec.Struct, frozen=True, kw_only=True):
     """What the bytes of a reading do not show; see :class:`yahboomd.core.model.EncoderReading`.
 
     Attributes:
@@ -122,7 +122,7 @@ class PoseSet(msgspec.Struct, frozen=True, kw_only=True):
     covariance: Matrix3 | None = None
 
 
-class Steered(msgspec.Struct, frozen=True, kw_only=True):
+class SteerRecord(msgspec.Struct, frozen=True, kw_only=True):
     """The odometer's ``steer`` was called, with this curve and the record's moment."""
 
     curvature_per_m: float
@@ -152,7 +152,7 @@ class Posed(msgspec.Struct, frozen=True, kw_only=True):
     pose: Pose2d
 
 
-class Command(msgspec.Struct, frozen=True, kw_only=True):
+class CommandRecord(msgspec.Struct, frozen=True, kw_only=True):
     """A command that arrived.
 
     Attributes:
@@ -169,7 +169,7 @@ class Command(msgspec.Struct, frozen=True, kw_only=True):
     refused: str = ""
 
 
-class Decision(msgspec.Struct, frozen=True, kw_only=True):
+class DecisionRecord(msgspec.Struct, frozen=True, kw_only=True):
     """Who drives, or why the robot stands, when that changed.
 
     Attributes:
@@ -218,15 +218,15 @@ Meaning: TypeAlias = (
     | Written
     | Identified
     | Closed
-    | Reading
+    | ReadingRecord
     | Renewal
     | Armed
     | PoseSet
-    | Steered
+    | SteerRecord
     | Anchor
     | Posed
-    | Command
-    | Decision
+    | CommandRecord
+    | DecisionRecord
     | Happened
     | WallClock
     | Lost
@@ -272,7 +272,7 @@ _PACKED: dict[int, type[msgspec.Struct]] = {
     20: Armed,
     21: PoseSet,
     22: Anchor,
-    23: Decision,
+    23: DecisionRecord,
     24: Happened,
     25: Lost,
     26: Ended,
@@ -287,7 +287,7 @@ def encode(meaning: Meaning) -> tuple[int, bytes]:
         return RECEIVED, meaning.data
     if isinstance(meaning, Written):
         return WRITTEN, meaning.data
-    if isinstance(meaning, Reading):
+    if isinstance(meaning, ReadingRecord):
         flags = (
             AFTER_RESET * meaning.after_reset
             | AFTER_GAP * meaning.after_gap
@@ -300,9 +300,9 @@ def encode(meaning: Meaning) -> tuple[int, bytes]:
             NEVER_NS if earliest_ns is None else earliest_ns,
             flags,
         )
-    if isinstance(meaning, Steered):
+    if isinstance(meaning, SteerRecord):
         return STEERED, STEERED_PAYLOAD.pack(meaning.curvature_per_m)
-    if isinstance(meaning, Command):
+    if isinstance(meaning, CommandRecord):
         source = meaning.source.encode()[:255]
         numbers = COMMAND_PAYLOAD.pack(
             _single(meaning.vx), _single(meaning.vy), _single(meaning.wz), len(source)
@@ -333,7 +333,7 @@ def _decode(kind: int, payload: bytes) -> Meaning | None:
         return Written(data=payload)
     if kind == READING:
         received_ns, requested_ns, earliest_ns, flags = READING_PAYLOAD.unpack(payload)
-        return Reading(
+        return ReadingRecord(
             received_ns=received_ns,
             requested_ns=None if requested_ns == NEVER_NS else requested_ns,
             earliest_ns=None if earliest_ns == NEVER_NS else earliest_ns,
@@ -343,12 +343,12 @@ def _decode(kind: int, payload: bytes) -> Meaning | None:
         )
     if kind == STEERED:
         (curvature_per_m,) = STEERED_PAYLOAD.unpack(payload)
-        return Steered(curvature_per_m=curvature_per_m)
+        return SteerRecord(curvature_per_m=curvature_per_m)
     if kind == COMMAND:
         vx, vy, wz, length = COMMAND_PAYLOAD.unpack_from(payload)
         words = payload[COMMAND_PAYLOAD.size :]
         source, refused = words[:length].decode(errors="replace"), words[length:].decode()
-        return Command(source=source, vx=vx, vy=vy, wz=wz, refused=refused)
+        return CommandRecord(source=source, vx=vx, vy=vy, wz=wz, refused=refused)
     if kind == WALL_CLOCK:
         (wall_ns,) = MOMENT.unpack(payload)
         return WallClock(wall_ns=wall_ns)

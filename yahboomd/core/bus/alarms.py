@@ -14,7 +14,7 @@ from typing import TypeAlias
 import zenoh
 from zenoh.handlers import Callback
 
-from yahboomd.core.bus.inbox import MAX_BYTES, Inbox, Lane
+from yahboomd.core.bus.inbox import MAX_BYTES, Inbox, SampleLane
 
 READ_BYTES = 64
 """The longest payload that is read; the longest honest harmless one has about 30 bytes."""
@@ -57,7 +57,7 @@ def is_named(key: str, selector: str) -> bool:
     return not key.startswith("/") and selector.rpartition("/")[2] == key.rpartition("/")[2]
 
 
-class Alarm:
+class AlarmSubscriber:
     """A subscriber to one such key. Made by ``Bus.alarm``, which explains the arguments.
 
     Unlike a subscription's, its samples never go into a ring of Zenoh's, which drops unread what it
@@ -80,14 +80,13 @@ class Alarm:
         self._asks_nothing = asks_nothing
         # An entry says whether its payload went unread. Where a lane is full its entries are
         # merged: one that is left raises the alarm for all, and their number is kept.
-        self._alarms: Lane[bool] = inbox.lane(
+        self._alarms: SampleLane[bool] = inbox.lane(
             lambda batch, merged: raised(len(batch) + merged, sum(batch)), urgent=True
         )
         self._ignored = _counting(inbox, ignored)
         self._idle = _counting(inbox, idle)
 
     def attach(self, session: zenoh.Session) -> None:
-        """Subscribe in this session too."""
         alarms, ignored, idle = self._alarms, self._ignored, self._idle
         harmless, asks_nothing = self._harmless, self._asks_nothing
 
@@ -105,6 +104,6 @@ class Alarm:
         session.declare_subscriber(self.key, Callback(arrived, indirect=False))
 
 
-def _counting(inbox: Inbox, count: Callable[[int], None]) -> Lane[None]:
+def _counting(inbox: Inbox, count: Callable[[int], None]) -> SampleLane[None]:
     """A lane of which only the number of entries matters."""
     return inbox.lane(lambda batch, merged: count(len(batch) + merged), depth=1)

@@ -18,7 +18,7 @@ from typing import Protocol, Self, TypeVar
 
 import zenoh
 
-from yahboomd.core.bus.alarms import Alarm, Harmless
+from yahboomd.core.bus.alarms import AlarmSubscriber, Harmless
 from yahboomd.core.bus.blocking import Sender, bounded
 from yahboomd.core.bus.bus_counters import summed_counters
 from yahboomd.core.bus.inbox import DEPTH, MAX_BYTES, Inbox
@@ -279,7 +279,7 @@ class Bus:
         harmless: Harmless,
         idle: Callable[[int], None],
         asks_nothing: Harmless,
-    ) -> Alarm:
+    ) -> AlarmSubscriber:
         """Have every sample on ``key`` raise an alarm, unless it is recognised as harmless.
 
         Args:
@@ -292,7 +292,7 @@ class Bus:
             asks_nothing: Recognises their payloads; called in Zenoh's threads.
         """
         return self._declare(
-            Alarm(
+            AlarmSubscriber(
                 self.key(key),
                 raised,
                 ignored,

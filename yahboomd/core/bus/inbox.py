@@ -65,7 +65,7 @@ class LaneCounters(msgspec.Struct, kw_only=True):
     floods: int = 0
 
 
-class Lane(Generic[Item]):
+class SampleLane(Generic[Item]):
     """A bounded queue from any thread to one handler on the loop.
 
     Args:
@@ -79,7 +79,7 @@ class Lane(Generic[Item]):
 
     def __init__(
         self,
-        announce: Callable[[Lane[Item]], None],
+        announce: Callable[[SampleLane[Item]], None],
         handler: Callable[[list[Item], int], None],
         *,
         depth: int = DEPTH,
@@ -155,10 +155,10 @@ class Inbox:
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()
         self._fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
-        self._lanes: list[Lane[Any]] = []
+        self._lanes: list[SampleLane[Any]] = []
         # Those with entries, each once.
-        self._urgent: deque[Lane[Any]] = deque()
-        self._others: deque[Lane[Any]] = deque()
+        self._urgent: deque[SampleLane[Any]] = deque()
+        self._others: deque[SampleLane[Any]] = deque()
         self._woken = False
         self._open = True
         self._loop.add_reader(self._fd, self._turn)
@@ -170,19 +170,19 @@ class Inbox:
         depth: int = DEPTH,
         urgent: bool = False,
         refuse: Callable[[Item], None] | None = None,
-    ) -> Lane[Item]:
+    ) -> SampleLane[Item]:
         """A new lane; an ``urgent`` one goes before and between all others."""
         full = self._urgent if urgent else self._others
 
-        def announce(lane: Lane[Item]) -> None:
+        def announce(lane: SampleLane[Item]) -> None:
             full.append(lane)
             self.wake()
 
-        lane = Lane(announce, handler, depth=depth, refuse=refuse)
+        lane = SampleLane(announce, handler, depth=depth, refuse=refuse)
         self._lanes.append(lane)
         return lane
 
-    def remove(self, lane: Lane[Item]) -> list[Item]:
+    def remove(self, lane: SampleLane[Item]) -> list[Item]:
         """Close a lane; returns what it had not delivered."""
         if lane in self._lanes:
             self._lanes.remove(lane)
@@ -229,7 +229,7 @@ class Inbox:
         for _ in range(len(self._urgent)):
             self._deliver(self._urgent.popleft())
 
-    def _deliver(self, lane: Lane[Any]) -> None:
+    def _deliver(self, lane: SampleLane[Any]) -> None:
         try:
             lane.deliver()
         except Exception as error:  # noqa: BLE001 - the loop reports it as for any callback of its

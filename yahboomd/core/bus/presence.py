@@ -10,7 +10,7 @@ import msgspec
 import zenoh
 from zenoh.handlers import Callback
 
-from yahboomd.core.bus.inbox import Inbox, Lane
+from yahboomd.core.bus.inbox import Inbox, SampleLane
 
 
 class TokenChange(msgspec.Struct, frozen=True, kw_only=True):
@@ -54,7 +54,7 @@ class TokenWatch:
         """Tokens that were not kept because there were too many or their keys were too long."""
         self._pattern = pattern
         self._handler = handler
-        self._lane: Lane[None] = inbox.lane(self._compare, depth=1)
+        self._lane: SampleLane[None] = inbox.lane(self._compare, depth=1)
         self._subscribers: list[zenoh.Subscriber[None]] = []
         # A token is there as long as one session sees it.
         self._present: dict[str, frozenset[int]] = {}
@@ -132,7 +132,7 @@ class Neighbours:
     """The sessions that are connected now, kept from Zenoh's transport events."""
 
     def __init__(self) -> None:
-        self._lane: Lane[Transported] | None = None
+        self._lane: SampleLane[Transported] | None = None
         # One may be connected to both of our sessions, and is gone when it is connected to none.
         self._present: dict[str, Neighbour] = {}
         self._seen_by: dict[str, set[int]] = {}

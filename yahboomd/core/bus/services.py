@@ -19,7 +19,7 @@ from zenoh.handlers import Callback
 
 from yahboomd.core.bus.alarms import Harmless, is_named, raises_alarm
 from yahboomd.core.bus.blocking import Sender
-from yahboomd.core.bus.inbox import Inbox, Lane, carried_bytes
+from yahboomd.core.bus.inbox import Inbox, SampleLane, carried_bytes
 
 log = logging.getLogger(__name__)
 
@@ -36,7 +36,7 @@ LATER = 64
 """Requests of one service whose answers are still awaited; each keeps its query."""
 
 
-class Request(msgspec.Struct, frozen=True, kw_only=True):
+class BusQuery(msgspec.Struct, frozen=True, kw_only=True):
     """A query as it arrived.
 
     Attributes:
@@ -70,10 +70,10 @@ class Response(msgspec.Struct, frozen=True, kw_only=True):
     attachment: bytes | None = None
 
 
-Handler: TypeAlias = Callable[[Request], Response | Awaitable[Response]]
+Handler: TypeAlias = Callable[[BusQuery], Response | Awaitable[Response]]
 """Answers on the loop, at once or later."""
 
-Fallback: TypeAlias = Callable[[str, Request], Response]
+Fallback: TypeAlias = Callable[[str, BusQuery], Response]
 """Makes the answer for a request that got none, from the reason, a sentence; from any thread."""
 
 
@@ -166,15 +166,14 @@ class Service:
         self._now_ns = now_ns
         self._max_bytes = max_bytes
         self._complete = complete
-        self._lane: Lane[Pending] = inbox.lane(self.handle, depth=pending, refuse=self.refuse)
+        self._lane: SampleLane[Pending] = inbox.lane(self.handle, depth=pending, refuse=self.refuse)
         # A query that finds this one full is refused, and raises the alarm all the same: so do
         # those that fill it, and they are still to be delivered.
-        self._alarms: Lane[Pending] = inbox.lane(
+        self._alarms: SampleLane[Pending] = inbox.lane(
             self.handle, depth=pending, urgent=True, refuse=self.refuse
         )
 
     def attach(self, session: zenoh.Session) -> None:
-        """Answer in this session too."""
 
         def arrived(query: zenoh.Query) -> None:
             pending = self._admit(query)
@@ -311,10 +310,10 @@ class Service:
             self._answering.large.release()
 
 
-def _request(name: str, key: str, pending: Pending) -> Request:
+def _request(name: str, key: str, pending: Pending) -> BusQuery:
     query = pending.query
     if query is None:
-        return Request(
+        return BusQuery(
             key=name,
             selector=key,
             payload=b"",
@@ -328,7 +327,7 @@ def _request(name: str, key: str, pending: Pending) -> Request:
     data = b""
     if payload is not None and (not pending.oversize or len(payload) <= _HEAD_OF_BYTES):
         data = payload.to_bytes()
-    return Request(
+    return BusQuery(
         key=name,
         selector=str(query.key_expr),
         payload=b"" if pending.oversize else data,

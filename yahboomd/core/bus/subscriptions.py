@@ -20,7 +20,7 @@ import msgspec
 import zenoh
 from zenoh.handlers import Callback, Handler, RingChannel
 
-from yahboomd.core.bus.inbox import Inbox, Lane, carried_bytes
+from yahboomd.core.bus.inbox import Inbox, SampleLane, carried_bytes
 
 log = logging.getLogger(__name__)
 
@@ -105,7 +105,7 @@ class Subscription:
         self._depth = depth
         self._max_bytes = max_bytes
         self._keep_oversize = keep_oversize
-        self._lane: Lane[Received] = inbox.lane(self._deliver, depth=depth)
+        self._lane: SampleLane[Received] = inbox.lane(self._deliver, depth=depth)
         self.counters = self._lane.counters
         self._open = True
         self._sessions: list[zenoh.Session] = []
@@ -118,7 +118,6 @@ class Subscription:
         self._quiet_looks = 0
 
     def attach(self, session: zenoh.Session) -> None:
-        """Subscribe in this session too."""
         if not self._open:
             return
         self._sessions.append(session)

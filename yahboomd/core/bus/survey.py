@@ -8,7 +8,7 @@ from typing import TypeAlias
 import zenoh
 from zenoh.handlers import Callback
 
-from yahboomd.core.bus.inbox import Inbox, Lane
+from yahboomd.core.bus.inbox import Inbox, SampleLane
 
 MOST_REPLIES = 64
 """Answers kept of a round; anybody may send any number of them."""
@@ -34,12 +34,11 @@ class Survey:
     def __init__(self, selector: str, handler: Callable[[list[bytes]], None], inbox: Inbox) -> None:
         self._selector = selector
         self._handler = handler
-        self._lane: Lane[Round] = inbox.lane(self._deliver, depth=8)
+        self._lane: SampleLane[Round] = inbox.lane(self._deliver, depth=8)
         self._sessions: list[zenoh.Session] = []
         self._latest: dict[int, list[bytes]] = {}
 
     def attach(self, session: zenoh.Session) -> None:
-        """Ask in this session too."""
         self._sessions.append(session)
 
     def ask(self) -> None:

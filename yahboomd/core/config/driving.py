@@ -24,9 +24,9 @@ class AxisLimits(Section):
         default=None, description="Greatest change of acceleration: m/s^3, rad/s^3."
     )
 
-    def noun(self) -> drive.AxisLimits:
+    def noun(self) -> drive.AxisCaps:
         """The limits of the axis for the limiter."""
-        return drive.AxisLimits(
+        return drive.AxisCaps(
             velocity=self.velocity,
             acceleration=self.acceleration,
             deceleration=self.deceleration,

@@ -139,10 +139,10 @@ class Config(Section):
             for wheel, entries in self.motor_entries().items()
         }
 
-    def sources(self) -> tuple[arbitration.Source, ...]:
+    def sources(self) -> tuple[arbitration.AllowedSource, ...]:
         """The sources of commands for the arbiter."""
         return tuple(
-            arbitration.Source(
+            arbitration.AllowedSource(
                 name=name, priority=source.priority, timeout_s=self.source_timeout_s(name)
             )
             for name, source in self.command.sources.items()

@@ -213,7 +213,6 @@ def session_options(config: Config) -> SessionOptions:
 def session(
     config: Config, clock: Clock, listener: Listener, open_it: Opener, tap: Tap = NO_TAP
 ) -> Session:
-    """One connection to the board."""
     if config.board.write_settings:
         want = config.profile().settings
         open_it = storing_opener(open_it, clock, want, listener.event, tap)

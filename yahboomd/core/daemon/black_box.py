@@ -28,7 +28,7 @@ from yahboomd.core.clock import Clock, nanoseconds, seconds
 from yahboomd.core.config import Config, runtime_folder
 from yahboomd.core.config.models import blackbox_folder
 from yahboomd.core.daemon.assembly import odometer_settings
-from yahboomd.core.daemon.box_writer import BoxWriter, Outcome
+from yahboomd.core.daemon.box_writer import BoxOutcome, BoxWriter
 from yahboomd.core.daemon.folder import prepare_folder
 from yahboomd.core.daemon.process import without_age
 from yahboomd.core.daemon.recorders import Recorders
@@ -66,7 +66,7 @@ AGAIN_S = 60.0
 """It is saved no more often: what happens meanwhile is in the next one, which holds a minute."""
 
 
-class BlackBox:
+class BoxKeeper:
     """Records, and saves. Made on the running loop.
 
     Attributes:
@@ -90,7 +90,7 @@ class BlackBox:
         self._due_ns = 0
         self._saved_ns: int | None = None
         self._last = ""
-        self._asked: list[asyncio.Future[Outcome]] = []
+        self._asked: list[asyncio.Future[BoxOutcome]] = []
         folder = ring_folder(runtime_folder(environ, user_id=os.getuid()), os.getuid())
         self._writer = BoxWriter(
             blackbox_folder(config, environ, None, user_id=os.getuid()),
@@ -185,7 +185,7 @@ class BlackBox:
                 f"it is saved again in {wait_s:.0f} s, and reaches back to that moment."
             )
             return ServiceReply(success=True, message=words)
-        done: asyncio.Future[Outcome] = asyncio.get_running_loop().create_future()
+        done: asyncio.Future[BoxOutcome] = asyncio.get_running_loop().create_future()
         self._asked.append(done)
         try:
             async with asyncio.timeout(ANSWER_S):
@@ -247,7 +247,7 @@ class BlackBox:
                 self._saved_ns = self._clock.now_ns() - age_ns
         self._schedule()
 
-    def _finished(self, asked: tuple[asyncio.Future[Outcome], ...], outcome: Outcome) -> None:
+    def _finished(self, asked: tuple[asyncio.Future[BoxOutcome], ...], outcome: BoxOutcome) -> None:
         if outcome.path is not None:
             self._last = outcome.path.name
         for future in asked:

@@ -50,7 +50,7 @@ interpreter now and then, which the loop waits for. At a niceness of 19 beside p
 the machine busy, it did not run for seconds."""
 
 
-class Outcome(NamedTuple):
+class BoxOutcome(NamedTuple):
     """What came of writing a box.
 
     Attributes:
@@ -85,7 +85,6 @@ class BoxWriter:
 
     @property
     def busy(self) -> bool:
-        """Whether something is being written."""
         return self._thread is not None
 
     @property
@@ -116,7 +115,7 @@ class BoxWriter:
 
         self._start(job, done, lambda _: None)
 
-    def save(self, header: Header, segments: bytes, done: Callable[[Outcome], None]) -> None:
+    def save(self, header: Header, segments: bytes, done: Callable[[BoxOutcome], None]) -> None:
         """Write a box.
 
         Args:
@@ -125,24 +124,24 @@ class BoxWriter:
         """
         self._start(lambda: self._write(header, segments), done, self._failed)
 
-    def adopt(self, done: Callable[[Outcome], None]) -> None:
+    def adopt(self, done: Callable[[BoxOutcome], None]) -> None:
         """Write a ring that was left behind as a box, and remove it."""
         wall_ns = self._clock.wall_ns()
 
-        def job() -> Outcome:
+        def job() -> BoxOutcome:
             with left_rings(self._rings) as (left, _):
                 self.left = max(0, len(left) - 1)
                 return (
                     self._adopted(left[0], wall_ns)
                     if left
-                    else Outcome(None, "there is none any more")
+                    else BoxOutcome(None, "there is none any more")
                 )
 
         self._start(job, done, self._failed)
 
     def save_last(self, header: Header, segments: bytes) -> bool:
         """Write a box while the daemon ends; whether it was written in 0.7 s."""
-        written: list[Outcome] = []
+        written: list[BoxOutcome] = []
         thread = threading.Thread(
             target=lambda: written.append(self._write(header, segments)), daemon=True
         )
@@ -197,7 +196,7 @@ class BoxWriter:
             self._thread = None
             done(instead(str(error)))
 
-    def _write(self, header: Header, segments: bytes) -> Outcome:
+    def _write(self, header: Header, segments: bytes) -> BoxOutcome:
         assert header.saved is not None
         if self._folder is None:
             return self._failed("there is no state directory: name one with blackbox.folder")
@@ -216,9 +215,9 @@ class BoxWriter:
         self.saved += 1
         self._failing = False
         log.info("The black box was saved (%s): %s", ", ".join(header.saved.reasons), path)
-        return Outcome(path)
+        return BoxOutcome(path)
 
-    def _adopted(self, ring: LeftRing, wall_ns: int) -> Outcome:
+    def _adopted(self, ring: LeftRing, wall_ns: int) -> BoxOutcome:
         try:
             header = read_box(ring.data).header
             saved = Saved(reasons=ring.reasons, at_ns=0, wall_ns=wall_ns)
@@ -229,7 +228,7 @@ class BoxWriter:
             ring.remove()
         return outcome
 
-    def _damaged(self, path: Path, words: str) -> Outcome:
+    def _damaged(self, path: Path, words: str) -> BoxOutcome:
         """Set aside what cannot be saved: no later start meets it again."""
         set_aside(path)
         self.failures += 1
@@ -239,9 +238,9 @@ class BoxWriter:
             words,
             path.with_suffix(SET_ASIDE).name,
         )
-        return Outcome(None, words)
+        return BoxOutcome(None, words)
 
-    def _failed(self, words: str) -> Outcome:
+    def _failed(self, words: str) -> BoxOutcome:
         self.failures += 1
         if not self._failing:
             self._failing = True
@@ -250,4 +249,4 @@ class BoxWriter:
                 "affected; further failures are counted.",
                 words,
             )
-        return Outcome(None, words)
+        return BoxOutcome(None, words)

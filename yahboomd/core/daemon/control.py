@@ -416,7 +416,6 @@ class Controller:
             self._beats.advance(now_ns)
 
     def imu(self, reading: ImuReading) -> None:
-        """The inertial sensor was read."""
         self.imu_sensor = reading.sensor.name
         along_base = self._options.mounting.along_base(reading)
         self._outputs.imu(self._odometer.accept(along_base))

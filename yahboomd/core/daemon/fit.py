@@ -7,7 +7,7 @@ from typing import Literal
 import msgspec
 
 from yahboomd.core.drive.faults import Fault
-from yahboomd.core.drive.limiter import AxisLimits
+from yahboomd.core.drive.limiter import AxisCaps
 from yahboomd.core.errors import BoardError
 from yahboomd.core.link.handshake import Identity
 from yahboomd.core.model import Kinematics, Motor
@@ -42,8 +42,8 @@ class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
     motors: tuple[Motor, ...]
     profile: MotorProfile
     command_scale: float = 1.0
-    linear: AxisLimits = AxisLimits()
-    angular: AxisLimits = AxisLimits()
+    linear: AxisCaps = AxisCaps()
+    angular: AxisCaps = AxisCaps()
     at_rest: Literal["hold", "release"] = "hold"
     stall: Literal["stop", "report"] = "stop"
     turns_without_command: Literal["stop", "report"] = "report"
@@ -64,7 +64,7 @@ class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
         return self.stall == "stop"
 
 
-class Fit(msgspec.Struct, frozen=True, kw_only=True):
+class BoardFit(msgspec.Struct, frozen=True, kw_only=True):
     """The consequences of a board's settings.
 
     Attributes:
@@ -77,9 +77,9 @@ class Fit(msgspec.Struct, frozen=True, kw_only=True):
     wrong: tuple[str, ...] = ()
 
 
-def no_board(kinematics: Kinematics) -> Fit:
+def no_board(kinematics: Kinematics) -> BoardFit:
     """The fit while no board is there: nothing can be commanded."""
-    return Fit(motion=None, wheel_limits=(0.0,) * len(kinematics.wheels))
+    return BoardFit(motion=None, wheel_limits=(0.0,) * len(kinematics.wheels))
 
 
 def fit(
@@ -89,7 +89,7 @@ def fit(
     motors: tuple[Motor, ...],
     profile: MotorProfile,
     scale: float,
-) -> Fit:
+) -> BoardFit:
     """Compare a board with the configuration.
 
     Args:
@@ -104,4 +104,4 @@ def fit(
         motion = dialect.motion(kinematics, motors, settings, scale=scale)
     except BoardError as error:
         return msgspec.structs.replace(nothing, wrong=(str(error),))
-    return Fit(motion=motion, wheel_limits=motion.wheel_limits)
+    return BoardFit(motion=motion, wheel_limits=motion.wheel_limits)

@@ -14,7 +14,7 @@ from yahboomd.core.bus import keys
 from yahboomd.core.bus.alarms import READ_BYTES
 from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.presence import Neighbour
-from yahboomd.core.bus.services import TOO_MANY, Request, Response
+from yahboomd.core.bus.services import TOO_MANY, BusQuery, Response
 from yahboomd.core.clock import Clock
 from yahboomd.core.daemon.control import Controller
 from yahboomd.core.daemon.estop.latch import EstopLatch
@@ -180,9 +180,9 @@ class Operator:
 
 Facts = Callable[[], dict[str, Any]]
 Newest = Callable[[str], msgspec.Struct | None]
-Action = Callable[[Request], ServiceReply]
+Action = Callable[[BusQuery], ServiceReply]
 """Does what is asked, and says what became of it."""
-Answer = Callable[[Request, ServiceReply], Response]
+Answer = Callable[[BusQuery, ServiceReply], Response]
 """Encodes what became of a request."""
 
 
@@ -260,12 +260,12 @@ class Services:
         encode = answer or self._answer
         estop = key == keys.ESTOP
 
-        async def acknowledged(request: Request, reply: ServiceReply) -> Response:
+        async def acknowledged(request: BusQuery, reply: ServiceReply) -> Response:
             reply = await self._operator.acknowledged(reply.message)
             words = f"{reply.message} {_seen(reply.data)}".rstrip()
             return encode(request, msgspec.structs.replace(reply, message=words))
 
-        def respond(request: Request) -> Response | Awaitable[Response]:
+        def respond(request: BusQuery) -> Response | Awaitable[Response]:
             reply = action(request)
             # The acknowledgement follows when the stop was sent and the latch is on file.
             later = estop and reply.success
@@ -284,7 +284,7 @@ class Services:
             complete=not estop or bool(at),
         )
 
-    def _sample(self, request: Request) -> Response:
+    def _sample(self, request: BusQuery) -> Response:
         """The newest sample of the key, as it was published or would have been."""
         sample = self._newest(request.key)
         if sample is None:
@@ -294,10 +294,10 @@ class Services:
             encoding=encoding_name(type(sample), self._encoding),
         )
 
-    async def _save(self, request: Request) -> Response:
+    async def _save(self, request: BusQuery) -> Response:
         return self._answer(request, await self._save_box())
 
-    def _refuse(self, reason: str, request: Request) -> Response:
+    def _refuse(self, reason: str, request: BusQuery) -> Response:
         return self._answer(request, ServiceReply(success=False, message=reason))
 
     def _estop_samples(self, count: int, unread: int) -> None:
@@ -307,7 +307,7 @@ class Services:
     def _release_samples(self, count: int) -> None:
         self._operator.refuse_release("a sample on yahboomd/estop", times=count)
 
-    def _estop_query(self, request: Request) -> ServiceReply:
+    def _estop_query(self, request: BusQuery) -> ServiceReply:
         if request.harmless:
             words = self._operator.refuse_release("a query on yahboomd/estop")
             return ServiceReply(success=False, message=words)
@@ -330,15 +330,15 @@ class Services:
                 return f", from one of {', '.join(some)}"
         return f", from one of {len(near)} clients"
 
-    def _estop_reset(self, _request: Request) -> ServiceReply:
+    def _estop_reset(self, _request: BusQuery) -> ServiceReply:
         released, words = self._operator.release_estop()
         return ServiceReply(success=released, message=words)
 
-    def _odometry_reset(self, _request: Request) -> ServiceReply:
+    def _odometry_reset(self, _request: BusQuery) -> ServiceReply:
         words = self._operator.set_pose(Pose2d(), None)
         return ServiceReply(success=True, message=words)
 
-    def _set_pose(self, request: Request) -> ServiceReply:
+    def _set_pose(self, request: BusQuery) -> ServiceReply:
         wanted = decode_set_pose(request.payload)
         if isinstance(wanted, Refusal):
             problem = f"{wanted.reason}: {wanted.detail}" if request.payload else "no pose was sent"
@@ -348,20 +348,20 @@ class Services:
         words = self._operator.set_pose(pose, wanted.covariance)
         return ServiceReply(success=True, message=words)
 
-    def _answer_config(self, _request: Request) -> ServiceReply:
+    def _answer_config(self, _request: BusQuery) -> ServiceReply:
         return ServiceReply(
             success=True,
             message="The configuration in effect.",
             data={"version": __version__, **self._config()},
         )
 
-    def _answer_board(self, _request: Request) -> ServiceReply:
+    def _answer_board(self, _request: BusQuery) -> ServiceReply:
         data = self._board()
         known = bool(data.get("dialect"))
         words = "What the board answered at connecting." if known else "No board is connected."
         return ServiceReply(success=known, message=words, data=data)
 
-    def _answer(self, request: Request, reply: ServiceReply) -> Response:
+    def _answer(self, request: BusQuery, reply: ServiceReply) -> Response:
         """The answer in the encoding of the question."""
         encoding: Encoding = self._encoding
         if asked := request.payload or request.head:
@@ -383,7 +383,7 @@ def _seen(data: Mapping[str, Any]) -> str:
     return f"It was sent; at that moment the counts showed wheels at {speed}."
 
 
-def _refusal(reason: str, request: Request) -> str:
+def _refusal(reason: str, request: BusQuery) -> str:
     if reason == TOO_MANY and not request.harmless:
         return f"{reason} The emergency stop is engaged all the same: yahboomd/status shows it."
     return reason

@@ -16,7 +16,7 @@ from yahboomd.core.bus.publishers import BusPublisher
 from yahboomd.core.clock import Clock, SystemClock, nanoseconds
 from yahboomd.core.config import Config, runtime_folder
 from yahboomd.core.daemon import assembly
-from yahboomd.core.daemon.black_box import NAME, BlackBox
+from yahboomd.core.daemon.black_box import NAME, BoxKeeper
 from yahboomd.core.daemon.bus_presence import BusPresence
 from yahboomd.core.daemon.commands import ClockWatch, CommandIntake, PoseIntake
 from yahboomd.core.daemon.control import Controller
@@ -164,7 +164,7 @@ class Daemon:
             motor_names=tuple(motor.name for motor in config.motors()),
         )
         latch = self._latch = assembly.latch(config, clock, self._environ)
-        box = self._box = BlackBox(config, clock, self._environ, recorders)
+        box = self._box = BoxKeeper(config, clock, self._environ, recorders)
         controller = assembly.controller(
             config, clock, arbiter=arbiter, latch=latch, outputs=self, recorder=box.recorder
         )
@@ -347,7 +347,6 @@ class Daemon:
     # Callbacks of the control path (control.Outputs).
 
     def estimate(self, estimate: OdometryEstimate, command_m_s: tuple[float, ...]) -> None:
-        """A new reading."""
         self._local.observe(estimate.motor_speed_m_s)
         publish, call = self._publisher, self._recorders.call
         stamp_ns = call("The pose on the bus", publish.estimate, estimate, command_m_s)
@@ -362,7 +361,6 @@ class Daemon:
             call("The inertial sensor for ROS 2", self._ros2.imu, estimate, stamp_ns)
 
     def battery(self, volts: float) -> None:
-        """The voltage."""
         call = self._recorders.call
         stamp_ns = call("The voltage on the bus", self._publisher.battery, volts)
         if stamp_ns is not None and self._ros2 is not None:

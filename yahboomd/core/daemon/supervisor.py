@@ -27,7 +27,7 @@ from yahboomd.core.errors import (
 )
 from yahboomd.core.link.port import Opener, Port
 from yahboomd.core.link.session import Session
-from yahboomd.core.link.storing import Progress, Step, store
+from yahboomd.core.link.storing import Progress, StoringStep, store
 from yahboomd.core.link.tap import NO_TAP, Tap
 from yahboomd.core.model import Event
 from yahboomd.core.protocol.settings import BoardSettings
@@ -62,7 +62,7 @@ class _Reported(Progress):
     def __init__(self, publish: Callable[[Event], None]) -> None:
         self._publish = publish
 
-    def stored(self, step: Step, has: BoardSettings) -> None:  # noqa: ARG002 (the seam's shape)
+    def stored(self, step: StoringStep, has: BoardSettings) -> None:  # noqa: ARG002 (the seam's shape)
         what = step.write.text
         if step.outcome == "stored":
             words = f"Stored {what} in the board's flash (board.write_settings)."
@@ -113,7 +113,6 @@ class Supervisor:
         self.counters: Counter[str] = Counter()
 
     async def run(self) -> None:
-        """Connect and reconnect until cancelled."""
         attempt = 0
         while True:
             started_ns = self._clock.now_ns()

@@ -11,7 +11,7 @@ from collections import Counter
 from typing import Literal, Protocol
 
 from yahboomd.core.clock import nanoseconds
-from yahboomd.core.daemon.fit import Fit, no_board
+from yahboomd.core.daemon.fit import BoardFit, no_board
 from yahboomd.core.drive.faults import Fault
 from yahboomd.core.drive.kinematics import motor_speeds
 from yahboomd.core.drive.standing import turning
@@ -43,7 +43,7 @@ often than a wheel can show anything new."""
 AtRest = Literal["hold", "release"]
 
 
-class Board(Protocol):
+class WheelLink(Protocol):
     """The part of a session that commands the wheels."""
 
     def drive(self, units: Units) -> None:
@@ -106,7 +106,7 @@ class Wheels:
             metres_per_tick=[motor.metres_per_tick for motor in motors],
         )
         self._stop_watch = StopWatch(names)
-        self._board: Board | None = None
+        self._board: WheelLink | None = None
         self._released = False
         self._stop_due_ns: int | None = None
         self._held_up_ns = 0
@@ -114,7 +114,7 @@ class Wheels:
         self._still = (0,) * len(motors)
         self._judged_ns = 0
         self._waited_ns = 0
-        self.fit: Fit = no_board(kinematics)
+        self.fit: BoardFit = no_board(kinematics)
         self.zeros = (0.0,) * len(motors)
         self.command_m_s = self.zeros
         self.measured_m_s: tuple[float, ...] | None = None
@@ -122,7 +122,7 @@ class Wheels:
 
     # The board comes and goes.
 
-    def attach(self, board: Board, fit: Fit) -> None:
+    def attach(self, board: WheelLink, fit: BoardFit) -> None:
         """A board is there; it was stopped while it was connected."""
         self._board = board
         self.fit = fit
@@ -154,7 +154,6 @@ class Wheels:
 
     @property
     def attached(self) -> bool:
-        """Whether a board is there."""
         return self._board is not None
 
     # Commands.

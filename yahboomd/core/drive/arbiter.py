@@ -21,7 +21,14 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from yahboomd.core.drive.age import Age, StampPolicy
-from yahboomd.core.drive.arbitration import Accepted, Decision, Reason, Refused, Source, Why
+from yahboomd.core.drive.arbitration import (
+    Accepted,
+    AllowedSource,
+    CommandRefused,
+    Decision,
+    Reason,
+    Why,
+)
 from yahboomd.core.drive.command_source import CommandSource
 from yahboomd.core.drive.deadman import OnTimeout
 from yahboomd.core.drive.standing import turning
@@ -60,7 +67,7 @@ class Arbiter:
 
     def __init__(
         self,
-        sources: Sequence[Source],
+        sources: Sequence[AllowedSource],
         *,
         on_timeout: OnTimeout = "ramp",
         stamps: StampPolicy = "relative",
@@ -93,7 +100,7 @@ class Arbiter:
         *,
         wall_ns: int | None = None,
         arrivals: int = 1,
-    ) -> Accepted | Refused:
+    ) -> Accepted | CommandRefused:
         """Accept or refuse a command.
 
         If several commands arrived in one piece, offer them one after the other before the next
@@ -280,7 +287,7 @@ class Arbiter:
         if clock_stood:
             self.forget_commands(until_ns)
 
-    def _may_drive(self, line: CommandSource, now_ns: int, given_ns: int) -> Refused | None:
+    def _may_drive(self, line: CommandSource, now_ns: int, given_ns: int) -> CommandRefused | None:
         name, holder = line.source.name, self._holder
         if holder is line:
             return None
@@ -340,10 +347,10 @@ class Arbiter:
 
     def _refuse(
         self, now_ns: int, source: str, reason: Reason, detail: str, *, revoked: bool = False
-    ) -> Refused:
+    ) -> CommandRefused:
         self.counters[reason] += 1
         self._recent.add(now_ns, reason)
-        return Refused(source=source, reason=reason, detail=detail, revoked=revoked)
+        return CommandRefused(source=source, reason=reason, detail=detail, revoked=revoked)
 
 
 _HELD_UP = "It came in a burst after a silence: old commands that had been held up."

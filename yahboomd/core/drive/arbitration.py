@@ -27,7 +27,7 @@ Reason: TypeAlias = Literal[
 Why: TypeAlias = Literal["driving", "zero_command", "ended", "timed_out", "revoked", "no_command"]
 
 
-class Source(msgspec.Struct, frozen=True, kw_only=True):
+class AllowedSource(msgspec.Struct, frozen=True, kw_only=True):
     """A source of commands that may drive.
 
     Attributes:
@@ -54,7 +54,7 @@ class Accepted(msgspec.Struct, frozen=True, kw_only=True):
     took_over: bool = False
 
 
-class Refused(msgspec.Struct, frozen=True, kw_only=True):
+class CommandRefused(msgspec.Struct, frozen=True, kw_only=True):
     """The command has no effect.
 
     Attributes:

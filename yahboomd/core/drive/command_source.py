@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal, TypeAlias
 
 from yahboomd.core.drive.age import Age, AgeJudge, AgeRefusal, StampPolicy
-from yahboomd.core.drive.arbitration import Source
+from yahboomd.core.drive.arbitration import AllowedSource
 from yahboomd.core.drive.backlog import BacklogGate
 from yahboomd.core.drive.clock_offset import ClockOffset
 from yahboomd.core.drive.deadman import Deadman
@@ -26,7 +26,7 @@ class CommandSource:
         wish: Its newest command that was not held up, in control or not.
     """
 
-    def __init__(self, source: Source, stamps: StampPolicy) -> None:
+    def __init__(self, source: AllowedSource, stamps: StampPolicy) -> None:
         self.source = source
         self.deadman = Deadman(source.timeout_s)
         timeout_ns = self.deadman.timeout_ns

@@ -27,7 +27,7 @@ _NO_LIMIT = 1e9
 """A larger wish is cut to this, so that the sums of the ramp stay finite."""
 
 
-class AxisLimits(msgspec.Struct, frozen=True, kw_only=True):
+class AxisCaps(msgspec.Struct, frozen=True, kw_only=True):
     """Limits of one axis; ``None`` is unlimited. In m and s, or rad and s.
 
     Attributes:
@@ -58,9 +58,7 @@ class Limiter:
             for ever.
     """
 
-    def __init__(
-        self, linear: AxisLimits, angular: AxisLimits, *, longest_step_s: float = 0.1
-    ) -> None:
+    def __init__(self, linear: AxisCaps, angular: AxisCaps, *, longest_step_s: float = 0.1) -> None:
         self._longest_step_s = longest_step_s
         self._vx = _Axis("linear", linear)
         self._vy = _Axis("linear", linear)
@@ -107,7 +105,7 @@ class Limiter:
 
 
 class _Axis:
-    def __init__(self, name: str, limits: AxisLimits) -> None:
+    def __init__(self, name: str, limits: AxisCaps) -> None:
         self._velocity = min(_NO_LIMIT, _limit(name, "velocity", limits.velocity, zero=True))
         self._acceleration = _limit(name, "acceleration", limits.acceleration)
         self._deceleration = _limit(name, "deceleration", limits.deceleration)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from yahboomd.core.drive.estop import Latched
-    from yahboomd.core.drive.limiter import AxisLimits
+    from yahboomd.core.drive.limiter import AxisCaps
 
 State: TypeAlias = Literal["waiting", "standing", "driving", "stopping", "estopped", "fault"]
 
@@ -54,8 +54,8 @@ def reasons(
     latched: Latched | None = None,
     holds: Sequence[Hold] = (),
     refused: Mapping[str, int] | None = None,
-    linear: AxisLimits | None = None,
-    angular: AxisLimits | None = None,
+    linear: AxisCaps | None = None,
+    angular: AxisCaps | None = None,
     holonomic: bool = True,
     release: str = "yahboomd stop --release",
 ) -> tuple[Reason, ...]:
@@ -152,8 +152,8 @@ def _not_commanded(decision: Decision) -> list[Reason]:
 
 def _impossible(
     decision: Decision,
-    linear: AxisLimits | None,
-    angular: AxisLimits | None,
+    linear: AxisCaps | None,
+    angular: AxisCaps | None,
     *,
     holonomic: bool,
 ) -> list[Reason]:
@@ -182,7 +182,7 @@ def _impossible(
 
 
 def _crawling(
-    decision: Decision, linear: AxisLimits | None, angular: AxisLimits | None
+    decision: Decision, linear: AxisCaps | None, angular: AxisCaps | None
 ) -> list[Reason]:
     """Explain limits that reduce a wish so much that the robot seems to stand."""
     twist, found = decision.twist, list[str]()

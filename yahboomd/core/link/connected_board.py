@@ -8,7 +8,7 @@ from typing import Protocol
 from yahboomd.core.clock import nanoseconds, sleep_until
 from yahboomd.core.link.handshake import Identity
 from yahboomd.core.link.line import Line
-from yahboomd.core.link.outbox import Lane
+from yahboomd.core.link.outbox import FrameLane
 from yahboomd.core.link.poller import Poller
 from yahboomd.core.link.start_notices import Notice
 from yahboomd.core.model import EncoderReading, Event, ImuReading
@@ -160,9 +160,9 @@ class ConnectedBoard:
             if unanswered == BATTERY_UNANSWERED:
                 self._listener.event(_no_voltage(self.port_name))
 
-    def _sent(self, lane: Lane) -> None:
-        if lane in {Lane.VELOCITY, Lane.STOP}:
-            units = self._velocity_units if lane is Lane.VELOCITY else self._stop_units
+    def _sent(self, lane: FrameLane) -> None:
+        if lane in {FrameLane.VELOCITY, FrameLane.STOP}:
+            units = self._velocity_units if lane is FrameLane.VELOCITY else self._stop_units
             self._turning = units is not None and any(units)
             self._drove = self._drove or self._turning
             self._listener.sent(units)

@@ -66,7 +66,7 @@ NOISY_RESEND_NS = 25_000_000
 KEPT_BYTES = 512
 
 
-class Heard(msgspec.Struct, kw_only=True):
+class ReceivedSample(msgspec.Struct, kw_only=True):
     """A sample of what came from the port, to explain a port without a board.
 
     Attributes:
@@ -150,7 +150,7 @@ class Line:
         self.streaming = False
         self.let_go = False
         self.report: StopReport | None = None
-        self.heard = Heard(counters=self._framer.counters)
+        self.heard = ReceivedSample(counters=self._framer.counters)
         self.counters: Counter[str] = Counter()
         self.on_counts: Callable[[EncoderReading], None] = lambda _: None
         self.on_imu: Callable[[ImuReading], None] = lambda _: None

@@ -24,7 +24,7 @@ import msgspec
 from yahboomd.core.protocol.dialect import Decoded
 
 
-class Lane(enum.StrEnum):
+class FrameLane(enum.StrEnum):
     """The origin of a frame."""
 
     STOP = "stop"
@@ -37,7 +37,7 @@ Answers = Callable[[Decoded], bool]
 """Whether what the board sent is the (last part of the) answer to a request."""
 
 
-class Request(msgspec.Struct, frozen=True, kw_only=True, eq=False):
+class Question(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     """A frame of the configuration lane and the answer that it waits for.
 
     Attributes:
@@ -56,9 +56,9 @@ class Request(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 class Outgoing(msgspec.Struct, frozen=True, kw_only=True):
     """The frame to send now."""
 
-    lane: Lane
+    lane: FrameLane
     frame: bytes
-    request: Request | None = None
+    request: Question | None = None
 
 
 class Outbox:
@@ -74,8 +74,8 @@ class Outbox:
         self._velocity: bytes | None = None
         self._velocity_due_ns: int | None = None
         self._poll: bytes | None = None
-        self._requests: deque[Request] = deque()
-        self._last: Lane | None = None
+        self._requests: deque[Question] = deque()
+        self._last: FrameLane | None = None
         self.replaced = 0
 
     def stop(self, frames: tuple[bytes, ...]) -> None:
@@ -116,18 +116,17 @@ class Outbox:
         self._poll = frame
         return True
 
-    def request(self, request: Request) -> None:
+    def request(self, request: Question) -> None:
         """Queue a frame that waits for an answer."""
         self._requests.append(request)
 
-    def withdraw(self, request: Request) -> None:
+    def withdraw(self, request: Question) -> None:
         """Withdraw a request whose caller does not wait any more."""
         if request in self._requests:
             self._requests.remove(request)
 
     @property
     def stopping(self) -> bool:
-        """Whether a stop waits."""
         return bool(self._stops)
 
     @property
@@ -164,7 +163,7 @@ class Outbox:
             asking: A question is unanswered: no other one may be sent.
         """
         if self._stops:
-            return self._sent(Outgoing(lane=Lane.STOP, frame=self._stops.popleft()))
+            return self._sent(Outgoing(lane=FrameLane.STOP, frame=self._stops.popleft()))
         if busy:
             return None
         # In the order in which they go first, of which none goes twice in a row.
@@ -174,17 +173,17 @@ class Outbox:
             self._velocity is not None
             and self._velocity_due_ns is not None
             and self._velocity_due_ns <= now_ns
-            and not (self._last is Lane.VELOCITY and (poll or request))
+            and not (self._last is FrameLane.VELOCITY and (poll or request))
         ):
             self._velocity_due_ns = now_ns + self.resend_ns
-            return self._sent(Outgoing(lane=Lane.VELOCITY, frame=self._velocity))
-        if poll and not (self._last is Lane.POLL and request):
+            return self._sent(Outgoing(lane=FrameLane.VELOCITY, frame=self._velocity))
+        if poll and not (self._last is FrameLane.POLL and request):
             assert self._poll is not None
             frame, self._poll = self._poll, None
-            return self._sent(Outgoing(lane=Lane.POLL, frame=frame))
+            return self._sent(Outgoing(lane=FrameLane.POLL, frame=frame))
         if request:
             first = self._requests.popleft()
-            lane = Lane.CONFIGURATION
+            lane = FrameLane.CONFIGURATION
             return self._sent(Outgoing(lane=lane, frame=first.frame, request=first))
         return None
 

@@ -120,7 +120,6 @@ class _LastWords:
         self.gave_up = False
 
     def write(self, frame: bytes) -> None:
-        """Write a frame, at once."""
         self._size += len(frame)
         self._port.write(frame)
 

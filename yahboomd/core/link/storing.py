@@ -27,7 +27,7 @@ Outcome: TypeAlias = Literal["stored", "refused", "failed"]
 STORE_ATTEMPTS = 3
 
 
-class Step(msgspec.Struct, frozen=True, kw_only=True):
+class StoringStep(msgspec.Struct, frozen=True, kw_only=True):
     """One value that was to be stored.
 
     Attributes:
@@ -54,7 +54,7 @@ class Storing(msgspec.Struct, frozen=True, kw_only=True):
 
     had: BoardSettings
     has: BoardSettings
-    steps: tuple[Step, ...]
+    steps: tuple[StoringStep, ...]
 
     @property
     def complete(self) -> bool:
@@ -69,7 +69,7 @@ class Progress:
     ) -> None:
         """The values that differ and will be stored."""
 
-    def stored(self, step: Step, has: BoardSettings) -> None:
+    def stored(self, step: StoringStep, has: BoardSettings) -> None:
         """One value was dealt with; the board stores ``has`` now."""
 
 
@@ -104,7 +104,7 @@ async def store(
         writes = settings_writes(dialect.settings, had, want)
         progress.begins(dialect, writes, had)
         has = had
-        steps: list[Step] = []
+        steps: list[StoringStep] = []
         if writes:
             await _stand(talk, line.port.name)
         for write in writes:
@@ -138,7 +138,7 @@ async def _store_one(
     clock: Clock,
     write: SettingWrite,
     want: BoardSettings,
-) -> tuple[Step, BoardSettings]:
+) -> tuple[StoringStep, BoardSettings]:
     start_ns = clock.now_ns()
     answer = ""
     outcome: Outcome = "failed"
@@ -157,7 +157,9 @@ async def _store_one(
         if outcome != "failed" or attempts == STORE_ATTEMPTS:
             break
     took_s = seconds(clock.now_ns() - start_ns)
-    step = Step(write=write, outcome=outcome, answer=answer, attempts=attempts, took_s=took_s)
+    step = StoringStep(
+        write=write, outcome=outcome, answer=answer, attempts=attempts, took_s=took_s
+    )
     return step, has
 
 

@@ -12,7 +12,7 @@ import msgspec
 from yahboomd.core.clock import Clock, seconds
 from yahboomd.core.errors import BoardSilent
 from yahboomd.core.link.conversation import Conversation
-from yahboomd.core.link.line import Heard, Line
+from yahboomd.core.link.line import Line, ReceivedSample
 from yahboomd.core.link.port import Port, adopt
 from yahboomd.core.link.seize import Seized
 from yahboomd.core.link.stopping import stop_unidentified
@@ -33,7 +33,7 @@ class TakeoverReport(msgspec.Struct, frozen=True, kw_only=True):
     stood: bool | None
     cut: bool
     within_s: float
-    heard: Heard
+    heard: ReceivedSample
 
 
 async def take_over(port: Port, clock: Clock, *, spoken_ns: int | None = None) -> TakeoverReport:

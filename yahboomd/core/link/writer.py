@@ -22,7 +22,7 @@ import msgspec
 
 from yahboomd.core.clock import Clock, nanoseconds
 from yahboomd.core.link.draining import OutputWatch
-from yahboomd.core.link.outbox import Answers, Lane, Outbox, Request
+from yahboomd.core.link.outbox import Answers, FrameLane, Outbox, Question
 from yahboomd.core.link.port import Port
 from yahboomd.core.link.port_errors import takes_no_output
 from yahboomd.core.protocol.dialect import CommandLost, Decoded, Deltas, Speeds, Totals, Unused
@@ -78,11 +78,11 @@ class Writer:
         self._outbox = Outbox(resend_ns=resend_ns)
         self.spacing = spacing
         self._free_ns = 0
-        self._flight: Request | None = None
+        self._flight: Question | None = None
         self._flight_until_ns: int | None = None
         self._flight_end_ns = 0
         self._flight_alone = False
-        self._missed: Request | None = None
+        self._missed: Question | None = None
         self._hold_ns = 0
         self._polled_until_ns: int | None = None
         self._wake = asyncio.Event()
@@ -98,7 +98,7 @@ class Writer:
         self._surplus_since_ns: int | None = None
         self._answered_ns = 0
         self.counters: Counter[str] = Counter()
-        self.on_sent: Callable[[Lane], None] = lambda _lane: None
+        self.on_sent: Callable[[FrameLane], None] = lambda _lane: None
         self.on_slow: Callable[[float], None] = lambda _bytes_per_s: None
 
     def status_values(self) -> dict[str, int]:
@@ -145,7 +145,7 @@ class Writer:
 
     def queue(self, frame: bytes) -> None:
         """Queue a frame of the configuration lane that has no answer."""
-        self._outbox.request(Request(frame=frame, answered=_never, timeout_ns=0, done=_unawaited))
+        self._outbox.request(Question(frame=frame, answered=_never, timeout_ns=0, done=_unawaited))
         self._pump()
 
     async def request(self, frame: bytes, answered: Answers, timeout_s: float) -> bool:
@@ -160,7 +160,7 @@ class Writer:
             if not future.done():
                 future.set_result(result)
 
-        request = Request(
+        request = Question(
             frame=frame, answered=answered, timeout_ns=nanoseconds(timeout_s), done=done
         )
         self._outbox.request(request)
@@ -289,7 +289,7 @@ class Writer:
             if outgoing is None:
                 break
             frame = outgoing.frame
-            if outgoing.lane in (Lane.STOP, Lane.VELOCITY):
+            if outgoing.lane in (FrameLane.STOP, FrameLane.VELOCITY):
                 frame = self.resync + frame
             end_ns = now_ns + len(frame) * self._port.byte_ns
             self._port.write(frame)
@@ -304,7 +304,7 @@ class Writer:
                 self._flight_end_ns = end_ns
                 self._flight_alone = True
                 self._hold_ns = end_ns + self.spacing.question_ns
-            elif outgoing.lane is Lane.POLL:
+            elif outgoing.lane is FrameLane.POLL:
                 # The board cannot answer before the question is all there.
                 self.poll_heard_ns = end_ns
                 self._unanswered.append(end_ns)
@@ -364,8 +364,8 @@ def _unawaited(_answered: bool) -> None:
 
 
 _SENT = {
-    Lane.STOP: "stops_sent",
-    Lane.VELOCITY: "velocities_sent",
-    Lane.POLL: "polls_sent",
-    Lane.CONFIGURATION: "requests_sent",
+    FrameLane.STOP: "stops_sent",
+    FrameLane.VELOCITY: "velocities_sent",
+    FrameLane.POLL: "polls_sent",
+    FrameLane.CONFIGURATION: "requests_sent",
 }

@@ -209,11 +209,9 @@ class _Reader:
         return int(number)
 
     def text(self) -> str:
-        """A string."""
         return self._take(self.number("I")).rstrip(b"\0").decode()
 
     def texts(self) -> tuple[str, ...]:
-        """A sequence of strings."""
         return tuple(self.text() for _ in range(self._count(4)))
 
     def parameters(self) -> tuple[str, ...]:

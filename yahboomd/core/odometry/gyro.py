@@ -31,7 +31,7 @@ CORNER = 0.03
 """The share of a bend of the rate by which the trapezoid between samples is wrong."""
 
 
-class Turn(msgspec.Struct, frozen=True, kw_only=True):
+class GyroTurn(msgspec.Struct, frozen=True, kw_only=True):
     """The turn that the gyro measured up to a moment.
 
     Attributes:
@@ -130,7 +130,7 @@ class Gyro:
         """Whether its integral goes on without a gap."""
         return self.present and self.problem is None and self._good_since_ns is not None
 
-    def turn(self, now_ns: int) -> Turn:
+    def turn(self, now_ns: int) -> GyroTurn:
         """The turn that it measured up to now, whether it is believed or not.
 
         Args:
@@ -142,7 +142,7 @@ class Gyro:
         ahead_s = min(ahead_ns, SILENT_NS) * 1e-9
         rate, before = self._rates
         noise, self._noise = self._noise, 0.0
-        return Turn(
+        return GyroTurn(
             angle=self._angle + rate * ahead_s,
             rate_rad_s=rate,
             noise=noise,

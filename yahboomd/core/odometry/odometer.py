@@ -35,7 +35,7 @@ from yahboomd.core.odometry.integrator import Doubt, Integrator, arc_between
 from yahboomd.core.odometry.polled_clock import Instant, PolledClock
 from yahboomd.core.odometry.steering import Steering
 from yahboomd.core.odometry.streamed_clock import StreamedClock
-from yahboomd.core.odometry.velocity import LONGEST_NS, Velocity, Window
+from yahboomd.core.odometry.velocity import LONGEST_NS, VelocityEstimator, Window
 
 UNSEEN_NS = 150_000_000
 """In a longer step a base may go and turn in an unknown order."""
@@ -107,7 +107,7 @@ class Odometer:
         self._motors = motors
         self._encoders = Encoders(motors, speed_max_m_s=speed_max_m_s)
         self._integrator = Integrator(kinematics, motors)
-        self._velocity = Velocity(kinematics, motors)
+        self._velocity = VelocityEstimator(kinematics, motors)
         self._covariance = Covariance(kinematics, motors, noise_m=noise_m)
         self._fused = fused
         self._steering = Steering(kinematics.base_m) if kinematics.least_radius_m else None

@@ -55,7 +55,7 @@ class Window(msgspec.Struct, frozen=True):
     rough_ns: int = 0
 
 
-class Velocity:
+class VelocityEstimator:
     """Speeds of the motors and of the body.
 
     Attributes:

@@ -11,7 +11,7 @@ import re
 
 import msgspec
 
-from yahboomd.simulation.speed_loop import Tuning
+from yahboomd.simulation.speed_loop import LoopSettings
 
 
 class FlashContent(msgspec.Struct, frozen=True, kw_only=True):
@@ -72,20 +72,20 @@ def short(value: int) -> int:
     return (value + 0x8000) % 0x1_0000 - 0x8000
 
 
-class Refused(msgspec.Struct, frozen=True):
+class SettingRefused(msgspec.Struct, frozen=True):
     """A setting that the firmware does not take."""
 
     answer: bytes
 
 
-def changed(content: FlashContent, name: bytes, args: bytes) -> FlashContent | Refused:
+def changed(content: FlashContent, name: bytes, args: bytes) -> FlashContent | SettingRefused:
     """The flash after ``$name:args#``, for the settings that a command stores one by one."""
     replace = msgspec.structs.replace
     match name:
         case b"mtype":
             motor_type = whole(args)
             if not 1 <= motor_type <= 4:
-                return Refused(b"fail,type error!")
+                return SettingRefused(b"fail,type error!")
             return replace(content, motor_type=motor_type)
         case b"deadzone":
             return replace(content, dead_zone=max(0, min(LONGEST_DEAD_ZONE, whole(args))))
@@ -144,14 +144,14 @@ def mm_s_per_tick(content: FlashContent) -> float:
     return 100.0 * math.pi * content.wheel_diameter_mm / ticks_per_revolution
 
 
-def tuning(content: FlashContent, wired_type: int) -> Tuning:
+def tuning(content: FlashContent, wired_type: int) -> LoopSettings:
     """The settings as the 100 Hz interrupt uses them.
 
     Args:
         content: The settings.
         wired_type: What the motors really are.
     """
-    return Tuning(
+    return LoopSettings(
         mm_s_per_tick=_number(mm_s_per_tick(content)),
         p=_number(content.p),
         i=_number(content.i),

@@ -16,7 +16,7 @@ from yahboomd.simulation.board import BOOT_NS, NEVER, Emit
 from yahboomd.simulation.four_channel.flash import whole
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.plant import Plant
-from yahboomd.simulation.speed_loop import SPEED_MAX, TICK_NS, MotorControl, Tuning
+from yahboomd.simulation.speed_loop import SPEED_MAX, TICK_NS, LoopSettings, MotorControl
 from yahboomd.simulation.wire import transfer_ns
 
 CARRY_OUT_NS = 200_000
@@ -163,8 +163,8 @@ class PolledBoard:
         )
 
 
-def _tuning(motor_type: int, true_type: int) -> Tuning:
-    return Tuning(
+def _tuning(motor_type: int, true_type: int) -> LoopSettings:
+    return LoopSettings(
         mm_s_per_tick=PROFILES.get(motor_type, 0.0),
         p=0.8,
         i=0.06,

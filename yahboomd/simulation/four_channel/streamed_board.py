@@ -17,7 +17,7 @@ from yahboomd.simulation.board import BOOT_NS, NEVER, Emit
 from yahboomd.simulation.four_channel.flash import (
     SETTINGS,
     FlashContent,
-    Refused,
+    SettingRefused,
     changed,
     confirmation,
     cut_short,
@@ -301,7 +301,7 @@ class StreamedBoard:
 
     def _set(self, name: bytes, args: bytes, now_ns: int) -> None:
         content = changed(self.flash, name, args)
-        if isinstance(content, Refused):
+        if isinstance(content, SettingRefused):
             self._answer(content.answer, now_ns)
             return
         confirm = confirmation(name, self.version)

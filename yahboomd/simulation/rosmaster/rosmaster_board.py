@@ -21,12 +21,12 @@ import msgspec
 from yahboomd.core.clock import nanoseconds
 from yahboomd.core.model import CHANNELS, Counts
 from yahboomd.simulation.board import BOOT_NS, NEVER, Emit
-from yahboomd.simulation.imu import SENSORS, Imu
+from yahboomd.simulation.imu import SENSORS, ImuModel
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.plant import Plant
 from yahboomd.simulation.rosmaster.car_types import CAR_TYPES, CarType
 from yahboomd.simulation.rosmaster.one_buffer import OneBuffer
-from yahboomd.simulation.speed_loop import TICK_NS, MotorControl, Tuning
+from yahboomd.simulation.speed_loop import TICK_NS, LoopSettings, MotorControl
 
 FIRMWARE = "3.5.1"
 LOOK_NS = 1_000_000
@@ -87,7 +87,7 @@ class RosmasterBoard:
         self._firmware = options.firmware or FIRMWARE
         self._start_up_ns = nanoseconds(options.start_up_s)
         sensor = SENSORS.get(self.flash.imu)
-        self._imu = None if sensor is None else Imu(sensor, random)
+        self._imu = None if sensor is None else ImuModel(sensor, random)
         self._gyro_zero: tuple[float, ...] = (0.0, 0.0, 0.0)
         self._stored = self.flash
         self._reports = bool(self.flash.auto_report)
@@ -124,9 +124,9 @@ class RosmasterBoard:
         return CAR_TYPES.get(self._stored.car_type, CAR_TYPES[1])
 
     @property
-    def _tuning(self) -> Tuning:
+    def _tuning(self) -> LoopSettings:
         stored = self._stored
-        return Tuning(
+        return LoopSettings(
             mm_s_per_tick=self._car.mm_s_per_tick,
             p=stored.p,
             i=stored.i,

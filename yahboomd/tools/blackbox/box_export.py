@@ -87,9 +87,9 @@ def _message(meaning: records.Meaning, at_ns: int) -> tuple[Channel, bytes, int]
             key = RECEIVED if isinstance(meaning, records.Received) else WRITTEN
             text = meaning.data.decode("ascii", "replace")
             message = PortBytes(hex=meaning.data.hex(), text=text)
-        case records.Command():
+        case records.CommandRecord():
             key, message = COMMANDS, meaning
-        case records.Decision():
+        case records.DecisionRecord():
             key, message = DECISIONS, meaning
         case records.Opened():
             key, message = LINK, PortChange(what="opened", port=meaning.port)

@@ -20,7 +20,7 @@ from yahboomd.tools.stop.stop_local import folders
 SERVICES = "/var/lib/yahboomd*/blackbox"
 
 
-class Robot(NamedTuple):
+class BoxRobot(NamedTuple):
     """The robot of a black box, by the configuration in it.
 
     Attributes:
@@ -52,7 +52,7 @@ class Robot(NamedTuple):
         return plain(f"--connect {self.listen[0]}" if self.listen else f"--port {self.port}")
 
 
-class Wanted(NamedTuple):
+class BoxQuery(NamedTuple):
     """The robot that the options of a command describe.
 
     Attributes:
@@ -68,7 +68,7 @@ class Wanted(NamedTuple):
     port: str
     named: bool
 
-    def fits(self, robot: Robot | None) -> bool:
+    def fits(self, robot: BoxRobot | None) -> bool:
         """Whether a robot is this one, or may be."""
         if robot is None:
             return not self.named
@@ -90,7 +90,7 @@ def _same_place(own: str, given: str) -> bool:
     return protocol.endswith(("/0.0.0.0", "/[::]")) and given.rpartition(":")[2] == port
 
 
-def robot_of(header: Header) -> Robot:
+def robot_of(header: Header) -> BoxRobot:
     """The robot of a box."""
     zenoh, serial = settings_of(header, "zenoh"), settings_of(header, "serial")
 
@@ -98,7 +98,7 @@ def robot_of(header: Header) -> Robot:
         found = zenoh.get(key)
         return tuple(map(str, found)) if isinstance(found, list | tuple) else ()
 
-    return Robot(
+    return BoxRobot(
         namespace=str(zenoh.get("namespace", "")),
         port=str(serial.get("port", "")),
         listen=endpoints("listen"),
@@ -122,7 +122,7 @@ class Found(NamedTuple):
     kind: str
     written_ns: int
     size: int
-    robot: Robot | None = None
+    robot: BoxRobot | None = None
 
 
 class Places(NamedTuple):
@@ -180,13 +180,13 @@ def boxes(where: Places) -> list[Found]:
     return sorted(found, key=lambda each: (each.kind == "running", each.written_ns))
 
 
-def _robot(path: Path) -> Robot | None:
+def _robot(path: Path) -> BoxRobot | None:
     with contextlib.suppress(OSError, NotABox):
         return robot_of(read_header(box_bytes(path)))
     return None
 
 
-def of_robot(found: list[Found], wanted: Wanted) -> list[Found]:
+def of_robot(found: list[Found], wanted: BoxQuery) -> list[Found]:
     """The boxes of the wanted robot.
 
     If no option names a robot, it is the only one, or the one that commands reach without options.
@@ -214,7 +214,7 @@ def of_robot(found: list[Found], wanted: Wanted) -> list[Found]:
     return [each for each in pool if each.robot is None or each.robot.key in robots]
 
 
-def choose(found: list[Found], wanted: str | None, robot: Wanted | None = None) -> Path:
+def choose(found: list[Found], wanted: str | None, robot: BoxQuery | None = None) -> Path:
     """The box that a person names by file, number or ring; by default that of the newest stop.
 
     Args:

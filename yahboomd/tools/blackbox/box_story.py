@@ -29,7 +29,7 @@ REASONS = {
 }
 
 
-class Line(NamedTuple):
+class StoryLine(NamedTuple):
     """A line of the story.
 
     Attributes:
@@ -53,7 +53,7 @@ class Story(NamedTuple):
     end_ns: int
     end: str
     why: str
-    lines: list[Line]
+    lines: list[StoryLine]
 
 
 def story(box: Box) -> Story:
@@ -130,7 +130,7 @@ def _stops(every: list[Record]) -> tuple[list[Record], bool]:
     """Each decision that stopped the robot, and whether it drives at the end."""
     driving, stops = False, list[Record]()
     for record in every:
-        if isinstance(record.meaning, records.Decision):
+        if isinstance(record.meaning, records.DecisionRecord):
             drives = record.meaning.state == "driving"
             if driving and not drives:
                 stops.append(record)
@@ -182,14 +182,14 @@ _REPORTED_NS = (NS_PER_S // 2, 3 * NS_PER_S)
 
 def _words(record: Record) -> str:
     meaning = record.meaning
-    return plain(meaning.why) if isinstance(meaning, records.Decision) else ""
+    return plain(meaning.why) if isinstance(meaning, records.DecisionRecord) else ""
 
 
 def _is_held(record: Record) -> bool:
     """Whether something other than its commands keeps the robot from driving."""
     meaning = record.meaning
     held = ("waiting", "fault", "estopped")
-    return isinstance(meaning, records.Decision) and meaning.state in held
+    return isinstance(meaning, records.DecisionRecord) and meaning.state in held
 
 
 def _ordered(stop: Record) -> bool:
@@ -211,45 +211,47 @@ def _reported(every: list[Record], stop: Record) -> list[str]:
     return [each for each in dict.fromkeys(said) if each not in _words(stop)][:2]
 
 
-def _said(every: list[Record]) -> list[Line]:
+def _said(every: list[Record]) -> list[StoryLine]:
     """The lines for events, decisions, connections, and stops that were sent."""
     lines = []
     dialect, sent, decision = "", "", None
     for at_ns, meaning in every:
         match meaning:
             case records.Happened():
-                lines.append(Line(at_ns, "event", plain(meaning.event.message)))
-            case records.Decision():
+                lines.append(StoryLine(at_ns, "event", plain(meaning.event.message)))
+            case records.DecisionRecord():
                 # Each segment of a ring repeats the latest decision.
                 if meaning != decision:
-                    lines.append(Line(at_ns, "state", f"{meaning.state}: {plain(meaning.why)}"))
+                    lines.append(
+                        StoryLine(at_ns, "state", f"{meaning.state}: {plain(meaning.why)}")
+                    )
                 decision = meaning
                 sent = "" if meaning.state == "driving" else sent
             case records.Opened():
-                lines.append(Line(at_ns, "board", f"{plain(meaning.port)} was opened."))
+                lines.append(StoryLine(at_ns, "board", f"{plain(meaning.port)} was opened."))
                 dialect = sent = ""
             case records.Identified() | records.Anchor():
                 dialect = meaning.dialect or dialect
                 if isinstance(meaning, records.Identified):
-                    lines.append(Line(at_ns, "board", f"It is a {_title(dialect)} board."))
+                    lines.append(StoryLine(at_ns, "board", f"It is a {_title(dialect)} board."))
             case records.Closed():
-                lines.append(Line(at_ns, "board", "The port was closed."))
+                lines.append(StoryLine(at_ns, "board", "The port was closed."))
             case records.Written():
                 kind = _frame(meaning.data, dialect)
                 if kind and kind != sent:
-                    lines.append(Line(at_ns, "sent", f"Sent to the board: {kind}."))
+                    lines.append(StoryLine(at_ns, "sent", f"Sent to the board: {kind}."))
                 sent = kind or sent
             case records.PoseSet():
                 pose = meaning.pose
                 words = f"The pose was set: x {pose.x:g}, y {pose.y:g}, theta {pose.theta:g}."
-                lines.append(Line(at_ns, "event", words))
+                lines.append(StoryLine(at_ns, "event", words))
             case records.Lost():
                 words = f"{meaning.count} more {meaning.what} came in a second and are left out."
-                lines.append(Line(at_ns, "command", words))
+                lines.append(StoryLine(at_ns, "command", words))
             case records.Ended():
                 words = f"yahboomd ended by a fault of its own: {plain(meaning.error)}"
                 words = words if meaning.error else "yahboomd ended."
-                lines.append(Line(at_ns, "daemon", words))
+                lines.append(StoryLine(at_ns, "daemon", words))
             case _:
                 pass
     return lines
@@ -276,15 +278,15 @@ class _Run(NamedTuple):
     first_ns: int
     last_ns: int
     times: int
-    command: records.Command
+    command: records.CommandRecord
 
 
-def _commands(every: list[Record]) -> list[Line]:
+def _commands(every: list[Record]) -> list[StoryLine]:
     """A line for each run of similar commands; a silence of the source ends a run."""
     runs: list[_Run] = []
     open_runs: dict[str, _Run] = {}
     for at_ns, meaning in every:
-        if not isinstance(meaning, records.Command):
+        if not isinstance(meaning, records.CommandRecord):
             continue
         run = open_runs.get(meaning.source)
         if run is not None and _alike(run.command, meaning) and at_ns - run.last_ns < NS_PER_S:
@@ -293,10 +295,12 @@ def _commands(every: list[Record]) -> list[Line]:
         if run is not None:
             runs.append(run)
         open_runs[meaning.source] = _Run(at_ns, at_ns, 1, meaning)
-    return [Line(run.first_ns, "command", _run_words(run)) for run in [*runs, *open_runs.values()]]
+    return [
+        StoryLine(run.first_ns, "command", _run_words(run)) for run in [*runs, *open_runs.values()]
+    ]
 
 
-def _alike(one: records.Command, other: records.Command) -> bool:
+def _alike(one: records.CommandRecord, other: records.CommandRecord) -> bool:
     if one.refused != other.refused:
         return False
     moved = (one.vx, one.vy, one.wz), (other.vx, other.vy, other.wz)
@@ -314,7 +318,7 @@ def _run_words(run: _Run) -> str:
     return f"{words}: refused ({command.refused})." if command.refused else f"{words}."
 
 
-def _silences(every: list[Record], end_ns: int) -> list[Line]:
+def _silences(every: list[Record], end_ns: int) -> list[StoryLine]:
     """A line for each time in which an open port received nothing."""
     lines = []
     last_ns: int | None = None
@@ -323,6 +327,8 @@ def _silences(every: list[Record], end_ns: int) -> list[Line]:
             continue
         if last_ns is not None and at_ns - last_ns > SILENT_NS:
             silent_s = (at_ns - last_ns) / NS_PER_S
-            lines.append(Line(last_ns, "board", f"The board sent nothing for {silent_s:.2f} s."))
+            lines.append(
+                StoryLine(last_ns, "board", f"The board sent nothing for {silent_s:.2f} s.")
+            )
         last_ns = at_ns if isinstance(meaning, records.Received) else None
     return lines

@@ -21,8 +21,8 @@ from yahboomd.tools.terminal.input_lines import InputLines
 if TYPE_CHECKING:
     from collections.abc import Coroutine
 
-    from yahboomd.tools.calibrate.hold import Hold
-    from yahboomd.tools.terminal.asking import Bounds, Number
+    from yahboomd.tools.calibrate.hold import HeldButton
+    from yahboomd.tools.terminal.asking import LargestMove, Number
 
 PROGRESS_NS = 200_000_000
 """Progress is reported no more often."""
@@ -42,7 +42,7 @@ class Dialogue:
 
     enter = "Press \N{LEFT DOUBLE QUOTATION MARK}Done\N{RIGHT DOUBLE QUOTATION MARK}"
 
-    def __init__(self, hold: Hold | None) -> None:
+    def __init__(self, hold: HeldButton | None) -> None:
         self._hold = hold
         self._asked = 0
         self._id = ""
@@ -103,7 +103,7 @@ class Dialogue:
         """Wait for any answer."""
         await self._ask("confirm", name, words)
 
-    async def start(self, name: str, words: str, bounds: Bounds) -> None:
+    async def start(self, name: str, words: str, bounds: LargestMove) -> None:
         """Wait for any answer; with a button, until it is held."""
         text = f"{words} It moves {_amount(bounds)}, for at most {bounds.time_s:.0f} s."
         more = {
@@ -151,7 +151,7 @@ class Dialogue:
         _write("result", text=table, facts=facts)
 
 
-def _amount(bounds: Bounds) -> str:
+def _amount(bounds: LargestMove) -> str:
     turns = bounds.turn_rad / (2.0 * math.pi)
     words = [f"{bounds.distance_m:g} m"] if bounds.distance_m else []
     if turns:

@@ -16,7 +16,7 @@ HOLD_NS = 300_000_000
 """So long one message counts that the button is held."""
 
 
-class Hold:
+class HeldButton:
     """One button. Once it was let go, it counts again only for the next movement.
 
     Args:

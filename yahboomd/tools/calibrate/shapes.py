@@ -14,12 +14,12 @@ from yahboomd.core.messages.native import EventSample, StatusSample, WheelsSampl
 from yahboomd.core.model import NS_PER_S
 from yahboomd.tools.calibrate.estimates.runs import Floats
 from yahboomd.tools.robot.obedience import Obedience
-from yahboomd.tools.terminal.asking import Bounds
+from yahboomd.tools.terminal.asking import LargestMove
 
 if TYPE_CHECKING:
     from yahboomd.client import AsyncRobot, Samples
     from yahboomd.core.config import Config
-    from yahboomd.tools.calibrate.hold import Hold
+    from yahboomd.tools.calibrate.hold import HeldButton
 
 DAEMON_WITHIN_S = 8.0
 """A daemon that publishes no wheels and answers nothing for so long does not run; one that is only
@@ -125,7 +125,7 @@ LOST = (
 )
 
 
-class Driver:
+class LegDriver:
     """Drives legs and gathers counts.
 
     Args:
@@ -133,7 +133,7 @@ class Driver:
     """
 
     def __init__(
-        self, robot: AsyncRobot, config: Config, source: str, hold: Hold | None = None
+        self, robot: AsyncRobot, config: Config, source: str, hold: HeldButton | None = None
     ) -> None:
         self._robot = robot
         self._config = config
@@ -151,9 +151,9 @@ class Driver:
         if event.kind == "odometry_discontinuity":
             self._lost = event.message
 
-    def bounds(self, legs: Sequence[Leg]) -> Bounds:
+    def bounds(self, legs: Sequence[Leg]) -> LargestMove:
         """The most that the robot moves in these legs."""
-        return Bounds(
+        return LargestMove(
             distance_m=sum(leg.amount for leg in legs if leg.vx or leg.vy),
             turn_rad=float(sum(leg.amount for leg in legs if leg.wz)),
             time_s=sum(leg.limit_s for leg in legs),
@@ -225,7 +225,7 @@ class Driver:
         if trouble := obedience.trouble_before():
             raise Refused(f"Nothing was driven. {trouble}")
         first, seen = self._ticks[-1], before.stamp_ns
-        command = _Command(self._robot, leg, self._hold)
+        command = _LegCommand(self._robot, leg, self._hold)
         progress(0.0)
         try:
             while True:
@@ -275,10 +275,10 @@ STILL_S = 0.5
 """After so long without a command the daemon has stopped the robot."""
 
 
-class _Command:
+class _LegCommand:
     """The command of one leg: it ends with the leg's time, and with the person's hold."""
 
-    def __init__(self, robot: AsyncRobot, leg: Leg, hold: Hold | None) -> None:
+    def __init__(self, robot: AsyncRobot, leg: Leg, hold: HeldButton | None) -> None:
         self._robot = robot
         self._leg = leg
         self._hold = hold

@@ -12,9 +12,9 @@ from yahboomd.core.bus import keys
 from yahboomd.core.errors import ConfigError, Refused
 from yahboomd.tools.calibrate.shapes import (
     DAEMON_WITHIN_S,
-    Driver,
     Interrupted,
     Leg,
+    LegDriver,
     sideways,
     square,
     straight,
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from yahboomd.core.config import Config, Loaded
     from yahboomd.tools.calibrate.estimates.runs import Run
     from yahboomd.tools.calibrate.estimates.sideways import SidewaysRun
-    from yahboomd.tools.calibrate.hold import Hold
+    from yahboomd.tools.calibrate.hold import HeldButton
     from yahboomd.tools.terminal.asking import Person
 
 TAPE_STD_M = 0.002
@@ -100,7 +100,7 @@ async def calibrate(
     loaded: Loaded,
     options: RunOptions,
     person: Person,
-    hold: Hold | None = None,
+    hold: HeldButton | None = None,
 ) -> int:
     """Ask, drive, fit, and write the result.
 
@@ -125,7 +125,7 @@ async def calibrate(
             "A mecanum base is calibrated by tape: its slip hides the ratio of the wheels. "
             "`yahboomd calibrate tape`"
         )
-    wizard = _Wizard(Driver(robot, config, options.source, hold), person, options)
+    wizard = _Wizard(LegDriver(robot, config, options.source, hold), person, options)
     beside: list[SidewaysRun] = []
     if options.method == "tape":
         # The rollers of a mecanum base bend it, too.
@@ -182,7 +182,7 @@ async def config_of(robot: AsyncRobot, loaded: Loaded) -> Config:
 
 
 class _Wizard:
-    def __init__(self, driver: Driver, person: Person, options: RunOptions) -> None:
+    def __init__(self, driver: LegDriver, person: Person, options: RunOptions) -> None:
         self._driver = driver
         self._person = person
         self._options = options

@@ -10,7 +10,7 @@ from yahboomd.core.clock import Clock
 from yahboomd.core.counts import unwrapped
 from yahboomd.core.errors import BoardSilent
 from yahboomd.core.link.conversation import Conversation
-from yahboomd.core.link.line import Heard, Line
+from yahboomd.core.link.line import Line, ReceivedSample
 from yahboomd.core.link.port import Opener
 from yahboomd.core.model import Counts
 from yahboomd.core.protocol.dialect import Dialect
@@ -38,7 +38,7 @@ class Examination(msgspec.Struct, frozen=True, kw_only=True):
     volts: float | None = None
     ticks: Counts | None = None
     standing: bool | None = None
-    heard: Heard
+    heard: ReceivedSample
 
 
 async def examine(

@@ -12,7 +12,7 @@ from yahboomd.client.streams import read_sample
 from yahboomd.core.bus import keys
 from yahboomd.core.config import Config
 from yahboomd.core.errors import BusError
-from yahboomd.core.link.line import Heard
+from yahboomd.core.link.line import ReceivedSample
 from yahboomd.core.messages.native import ServiceReply
 from yahboomd.core.protocol.dialect import FramerCounters
 from yahboomd.core.protocol.registry import DIALECTS
@@ -77,5 +77,5 @@ def examination(facts: Mapping[str, Any]) -> Examination | None:
         dialect=dialect,
         settings=settings if dialect.read_settings else None,
         volts=volts,
-        heard=Heard(counters=FramerCounters()),
+        heard=ReceivedSample(counters=FramerCounters()),
     )

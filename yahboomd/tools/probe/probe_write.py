@@ -33,7 +33,7 @@ class Printed(storing.Progress):
         self._table, self._had = dialect.settings, had
         print(f"storing {len(writes)} of the board's values, one at a time, the wheels at rest:")
 
-    def stored(self, step: storing.Step, has: BoardSettings) -> None:
+    def stored(self, step: storing.StoringStep, has: BoardSettings) -> None:
         name = step.write.reply_to
         rows = setting_rows(self._table, self._had, has, ())
         row = next(each for each in rows if each.command == name)
@@ -49,7 +49,7 @@ class Printed(storing.Progress):
         print(f"  {row.name:<16}{before} -> {now}   {', '.join(notes)}", flush=True)
 
 
-def stored_value(step: storing.Step) -> StoredValue:
+def stored_value(step: storing.StoringStep) -> StoredValue:
     """The outcome of storing a value, for the report."""
     return StoredValue(
         command=step.write.reply_to,

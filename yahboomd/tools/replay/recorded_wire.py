@@ -51,7 +51,7 @@ class Poll(NamedTuple):
     answer: list[Piece]
 
 
-class Connection(msgspec.Struct, kw_only=True):
+class WireRecord(msgspec.Struct, kw_only=True):
     """The bytes between the opening and the closing of a port.
 
     Attributes:
@@ -76,7 +76,7 @@ class Connection(msgspec.Struct, kw_only=True):
         return round(median(gaps)) if gaps else 0
 
 
-def connections(records: Iterable[Record]) -> list[Connection]:
+def connections(records: Iterable[Record]) -> list[WireRecord]:
     """The connections of a recording with a known board."""
     found = []
     for dialect, records_of_it in _split(records):
@@ -103,9 +103,9 @@ def _split(records: Iterable[Record]) -> Iterator[tuple[str, list[Record]]]:
         yield dialect, bytes_of_it
 
 
-def connection(dialect: Dialect, records: list[Record]) -> Connection:
+def connection(dialect: Dialect, records: list[Record]) -> WireRecord:
     """Sort the bytes of one connection into stream, answers and polls."""
-    made = Connection(
+    made = WireRecord(
         dialect=dialect,
         stream=[],
         begins_ns=records[0].at_ns if records else 0,
@@ -139,7 +139,7 @@ def _polls(question: bytes, records: list[Record]) -> list[Poll]:
     return polls
 
 
-def _sort(made: Connection, records: list[Record]) -> None:
+def _sort(made: WireRecord, records: list[Record]) -> None:
     """Separate the answers from the stream."""
     dialect = made.dialect
     questions = questions_of(dialect)

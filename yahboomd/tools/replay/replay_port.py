@@ -19,7 +19,7 @@ from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.port_link import claim
 from yahboomd.simulation.pty import PtyPort
 from yahboomd.simulation.robot import SimulatedRobot
-from yahboomd.tools.replay.recorded_wire import Connection, connection
+from yahboomd.tools.replay.recorded_wire import WireRecord, connection
 from yahboomd.tools.replay.replayed_board import ReplayedBoard
 from yahboomd.tools.replay.simulated_robot import as_configured
 
@@ -29,7 +29,7 @@ ANSWERED_NS = 200_000_000
 """The time in which a board has answered."""
 
 
-def be_a_port(recorded: list[Connection], header: Header, link: Path, *, as_json: bool) -> int:
+def be_a_port(recorded: list[WireRecord], header: Header, link: Path, *, as_json: bool) -> int:
     """Play connections on a pseudo-terminal.
 
     Raises:
@@ -60,7 +60,7 @@ def as_configured_says(config: Config, dialect: Dialect, question: bytes) -> byt
     return b"".join(piece.data for piece in answers[0])
 
 
-async def _serve(board: ReplayedBoard, recorded: list[Connection], link: Path) -> bool:
+async def _serve(board: ReplayedBoard, recorded: list[WireRecord], link: Path) -> bool:
     """Serve until everything was played, or a signal; returns whether everything was."""
     loop = asyncio.get_running_loop()
     ended = asyncio.Event()

@@ -18,7 +18,7 @@ from contextlib import suppress
 
 from yahboomd.core.model import CHANNELS
 from yahboomd.core.protocol.dialect import Dialect
-from yahboomd.tools.replay.recorded_wire import Connection, Piece, questions_of
+from yahboomd.tools.replay.recorded_wire import Piece, WireRecord, questions_of
 
 WAKE_NS = 10_000_000
 """The period at which the port is checked for a process that opens it."""
@@ -47,7 +47,7 @@ class ReplayedBoard:
     """
 
     def __init__(
-        self, recorded: list[Connection], otherwise: Callable[[Dialect, bytes], bytes]
+        self, recorded: list[WireRecord], otherwise: Callable[[Dialect, bytes], bytes]
     ) -> None:
         self._recorded = recorded
         self._otherwise = otherwise
@@ -63,7 +63,7 @@ class ReplayedBoard:
         self._begin()
 
     @property
-    def connection(self) -> Connection:
+    def connection(self) -> WireRecord:
         """The connection that is played."""
         return self._recorded[self._index]
 

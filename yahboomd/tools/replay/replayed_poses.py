@@ -22,11 +22,11 @@ from yahboomd.core.blackbox.records import (
     Opened,
     Posed,
     PoseSet,
-    Reading,
+    ReadingRecord,
     Received,
     Record,
     Renewal,
-    Steered,
+    SteerRecord,
     WallClock,
 )
 from yahboomd.core.model import (
@@ -141,7 +141,7 @@ class PoseReplay:
         """
         self._damaged = damaged
         for at_ns, meaning in records:
-            if isinstance(meaning, Reading):
+            if isinstance(meaning, ReadingRecord):
                 self._complete(meaning)
             elif isinstance(meaning, Armed):
                 self._up_to_a_cause()
@@ -157,7 +157,7 @@ class PoseReplay:
                 self._wall_less_monotonic_ns = meaning.wall_ns - at_ns
             elif isinstance(
                 meaning,
-                Anchor | Opened | Identified | Closed | Received | Renewal | PoseSet | Steered,
+                Anchor | Opened | Identified | Closed | Received | Renewal | PoseSet | SteerRecord,
             ):
                 self._use(list(self._pending))
                 self._take(at_ns, meaning)
@@ -169,7 +169,7 @@ class PoseReplay:
     def _take(
         self,
         at_ns: int,
-        meaning: Anchor | Opened | Identified | Closed | Received | Renewal | PoseSet | Steered,
+        meaning: Anchor | Opened | Identified | Closed | Received | Renewal | PoseSet | SteerRecord,
     ) -> None:
         odometer = self._odometer
         if isinstance(meaning, Anchor):
@@ -264,7 +264,7 @@ class PoseReplay:
                     )
                 )
 
-    def _complete(self, reading: Reading) -> None:
+    def _complete(self, reading: ReadingRecord) -> None:
         """Use everything before these counts, then the counts with their recorded facts."""
         for index, each in enumerate(self._pending):
             if isinstance(each, _Counted) and each.received_ns == reading.received_ns:

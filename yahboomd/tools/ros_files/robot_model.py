@@ -26,7 +26,7 @@ BODY, FOOTPRINT = "base_link", "base_footprint"
 Numbers = tuple[float, ...]
 
 
-class Wheel(NamedTuple):
+class UrdfWheel(NamedTuple):
     """A wheel: its names, the place of its axle, and its size, in metres.
 
     Attributes:
@@ -46,15 +46,15 @@ class Wheel(NamedTuple):
     driven: bool = True
 
 
-def wheels(config: Config) -> list[Wheel]:
+def wheels(config: Config) -> list[UrdfWheel]:
     """Every wheel, by its place from the base's middle, or from a car's rear axle."""
     chassis, length_m = config.chassis, _base_m(config)
-    found: list[Wheel] = []
+    found: list[UrdfWheel] = []
     for side, names in config.motor_names().items():
         radius_m = config.radius_m(side)
         for number, name in enumerate(names):
             found.append(
-                Wheel(
+                UrdfWheel(
                     name=name,
                     joint=config.joint_name(name),
                     x=0.0 if _steers(config) else _forward(side, number, len(names)) * length_m,
@@ -156,7 +156,7 @@ def _body(link: ElementTree.Element, config: Config) -> None:
     _shape(link, "box", {"size": _text(size)}, middle, colour="0.2 0.4 0.7 1")
 
 
-def _wheel(robot: ElementTree.Element, body: str, wheel: Wheel) -> None:
+def _wheel(robot: ElementTree.Element, body: str, wheel: UrdfWheel) -> None:
     link = _link(robot, f"{wheel.name}_wheel")
     size = {"radius": _text((wheel.radius_m,)), "length": _text((wheel.width_m,))}
     # A cylinder of URDF stands upright; the axle lies across the base.

@@ -15,7 +15,7 @@ from yahboomd.core.errors import BoardError, Refused
 from yahboomd.core.model import CHANNELS
 from yahboomd.core.protocol.dialect import Dialect
 from yahboomd.core.protocol.settings import BoardSettings
-from yahboomd.tools.calibrate.estimates.wiring import WiredMotor, Wiring, WiringFault, plain
+from yahboomd.tools.calibrate.estimates.wiring import WiredMotor, WiringFault, WiringFound, plain
 
 
 def drivable(
@@ -59,7 +59,7 @@ def drivable(
     return found
 
 
-def as_drivable(verdict: Wiring, ways: Sequence[tuple[WiredMotor, ...]]) -> Wiring:
+def as_drivable(verdict: WiringFound, ways: Sequence[tuple[WiredMotor, ...]]) -> WiringFound:
     """The verdict with what has to be changed for the board, if anything has.
 
     Args:

@@ -15,7 +15,7 @@ from yahboomd.core.protocol.dialect import Dialect
 from yahboomd.core.protocol.profiles import PROFILES, MotorProfile
 from yahboomd.core.protocol.settings import BoardSettings
 from yahboomd.tools.terminal.asking import read_number
-from yahboomd.tools.terminal.terminal_questions import Person, say, say_heading
+from yahboomd.tools.terminal.terminal_questions import Respondent, say, say_heading
 
 DRIVES = {
     "differential": "a wheel or a track on each side, and castors",
@@ -56,7 +56,7 @@ class Description(msgspec.Struct, frozen=True, kw_only=True):
 
 
 async def ask_motors(
-    person: Person, given: Given, dialect: Dialect, stored: BoardSettings | None
+    person: Respondent, given: Given, dialect: Dialect, stored: BoardSettings | None
 ) -> tuple[dict[str, Any], MotorProfile]:
     """The keys of ``[board]``, and the profile that they stand for.
 
@@ -80,7 +80,7 @@ async def ask_motors(
 
 
 async def ask_robot(
-    person: Person, given: Given, board: Mapping[str, Any], profile: MotorProfile
+    person: Respondent, given: Given, board: Mapping[str, Any], profile: MotorProfile
 ) -> Description:
     """How it drives, and its size."""
     kinematics = given.kinematics
@@ -118,7 +118,7 @@ async def ask_robot(
     )
 
 
-async def choose(person: Person, question: str, rows: Sequence[tuple[str, str]]) -> str:
+async def choose(person: Respondent, question: str, rows: Sequence[tuple[str, str]]) -> str:
     """Ask for one of several, by its number or its name.
 
     Args:
@@ -160,7 +160,7 @@ def _motor_words(profile: MotorProfile, stored: BoardSettings | None) -> str:
     return f"{words}   (as the board is set up)" if known and all(known) else words
 
 
-async def _custom(person: Person, given: Given, stored: BoardSettings | None) -> dict[str, Any]:
+async def _custom(person: Respondent, given: Given, stored: BoardSettings | None) -> dict[str, Any]:
     def usual(field: str) -> float | None:
         value = (stored or {}).get(field)
         return value if isinstance(value, int | float) and value > 0 else None
@@ -185,7 +185,7 @@ async def _custom(person: Person, given: Given, stored: BoardSettings | None) ->
 
 
 async def _millimetres(
-    person: Person,
+    person: Respondent,
     given: float | None,
     question: str,
     *,
@@ -197,7 +197,7 @@ async def _millimetres(
     return await _figure(person, question, blank, most)
 
 
-async def _figure(person: Person, question: str, blank: float | None, most: float) -> float:
+async def _figure(person: Respondent, question: str, blank: float | None, most: float) -> float:
     default = "" if blank is None else f" (Enter: {blank:g})"
     while True:
         text = await person.line(f"{question}{default}:")

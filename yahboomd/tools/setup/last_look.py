@@ -16,10 +16,10 @@ import msgspec
 from yahboomd.core.errors import Refused
 from yahboomd.core.protocol.profiles import MotorProfile, alike
 from yahboomd.tools.calibrate.estimates.gear import fits, fitting
-from yahboomd.tools.calibrate.estimates.wiring import WiredMotor, Wiring, plain
+from yahboomd.tools.calibrate.estimates.wiring import WiredMotor, WiringFound, plain
 from yahboomd.tools.port.pulses import Pulses
 from yahboomd.tools.terminal.asking import read_number
-from yahboomd.tools.terminal.terminal_questions import Person, say, say_heading
+from yahboomd.tools.terminal.terminal_questions import Respondent, say, say_heading
 
 FORWARD_TURNS = 0.15
 HALF = 0.5
@@ -62,14 +62,18 @@ class LastLook:
     """
 
     def __init__(
-        self, pulses: Pulses, person: Person, profile: MotorProfile, may_turn: Callable[[], None]
+        self,
+        pulses: Pulses,
+        person: Respondent,
+        profile: MotorProfile,
+        may_turn: Callable[[], None],
     ) -> None:
         self._pulses = pulses
         self._person = person
         self._profile = profile
         self._may_turn = may_turn
 
-    async def look(self, wiring: Wiring) -> GearSeen | None:
+    async def look(self, wiring: WiringFound) -> GearSeen | None:
         """Look at all wheels, then at each.
 
         Returns:
@@ -98,7 +102,7 @@ class LastLook:
             say("Not looked at.")
         return judged(ticks, self._profile, whole=len(ticks) == len(wiring.motors))
 
-    async def _all_forward(self, wiring: Wiring) -> bool:
+    async def _all_forward(self, wiring: WiringFound) -> bool:
         signs = {motor.position: motor.sign for motor in wiring.motors}
         counts = FORWARD_TURNS * self._profile.ticks_per_revolution
         while True:

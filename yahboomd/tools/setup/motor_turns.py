@@ -16,9 +16,9 @@ from yahboomd.core.link.conversation import COUNTERS_WITHIN_S, Conversation
 from yahboomd.core.model import CHANNELS, Counts
 from yahboomd.tools.calibrate.estimates.wiring import (
     HandTurn,
-    Turn,
+    MotorTurn,
     WiredMotor,
-    Wiring,
+    WiringFound,
     judge,
     judge_by_hand,
     plain,
@@ -27,7 +27,13 @@ from yahboomd.tools.port.pulses import MOVED_TURNS, Pulses
 from yahboomd.tools.setup.board_law import as_drivable
 from yahboomd.tools.setup.description import Description
 from yahboomd.tools.setup.robot_drawing import picture
-from yahboomd.tools.terminal.terminal_questions import WIDTH, Person, say, say_heading, say_points
+from yahboomd.tools.terminal.terminal_questions import (
+    WIDTH,
+    Respondent,
+    say,
+    say_heading,
+    say_points,
+)
 
 MOTOR_TURNS_PER_S = 200.0
 """No motor of the vendor's turns faster than 12,000 times a minute without a load."""
@@ -42,7 +48,7 @@ POWER_UNSEEN = (
 )
 
 
-class Robot(msgspec.Struct, frozen=True, kw_only=True):
+class UnwiredRobot(msgspec.Struct, frozen=True, kw_only=True):
     """A robot whose wiring is to be found.
 
     Attributes:
@@ -71,8 +77,8 @@ class ByOutput:
         self,
         talk: Conversation,
         pulses: Pulses,
-        person: Person,
-        robot: Robot,
+        person: Respondent,
+        robot: UnwiredRobot,
         may_turn: Callable[[], None],
     ) -> None:
         self._talk = talk
@@ -81,10 +87,10 @@ class ByOutput:
         self._robot = robot
         self._ticks = robot.description.profile.ticks_per_revolution
         self._may_turn = may_turn
-        self._turns: dict[int, Turn] = {}
+        self._turns: dict[int, MotorTurn] = {}
         self._plugs: dict[str, int] = {}
 
-    async def find(self) -> Wiring:
+    async def find(self) -> WiringFound:
         """Turn each motor, until nothing contradicts itself.
 
         Returns:
@@ -117,7 +123,7 @@ class ByOutput:
                 return verdict
             again = self._suspects(verdict)
 
-    def _verdict(self) -> Wiring:
+    def _verdict(self) -> WiringFound:
         return judge(list(self._turns.values()), self._robot.wheels, self._ticks, self._plugs)
 
     async def _try(self, positions: Sequence[int]) -> None:
@@ -130,7 +136,7 @@ class ByOutput:
                 continue
             self._turns[position] = await self._turn(position)
 
-    async def _turn(self, position: int) -> Turn:
+    async def _turn(self, position: int) -> MotorTurn:
         while True:
             await self._person.line(f"\nEnter, and M{position} turns:")
             self._may_turn()
@@ -140,10 +146,12 @@ class ByOutput:
             if wheel is None:
                 continue
             if not wheel:
-                return Turn(position=position, counts=pulse.counts)
+                return MotorTurn(position=position, counts=pulse.counts)
             forward = await self._ask_way(wheel)
             if forward is not None:
-                return Turn(position=position, counts=pulse.counts, wheel=wheel, forward=forward)
+                return MotorTurn(
+                    position=position, counts=pulse.counts, wheel=wheel, forward=forward
+                )
 
     async def _ask_wheel(self) -> str | None:
         """The wheel, empty for none; None to see it again."""
@@ -196,7 +204,7 @@ class ByOutput:
                 self._plugs[wheel] = int(answer)
         return bool(wanted)
 
-    def _suspects(self, verdict: Wiring) -> list[int]:
+    def _suspects(self, verdict: WiringFound) -> list[int]:
         """The plugs that a repair may have changed."""
         named = {fault.position for fault in verdict.faults} | {
             fault.arrives for fault in verdict.faults
@@ -209,13 +217,13 @@ class ByOutput:
 class ByHand:
     """Finds the wiring with a board that has speeds only: the person turns the wheels."""
 
-    def __init__(self, talk: Conversation, person: Person, robot: Robot) -> None:
+    def __init__(self, talk: Conversation, person: Respondent, robot: UnwiredRobot) -> None:
         self._talk = talk
         self._person = person
         self._robot = robot
         self._ticks = robot.description.profile.ticks_per_revolution
 
-    async def find(self) -> Wiring:
+    async def find(self) -> WiringFound:
         """Have each wheel turned, until nothing contradicts itself.
 
         Raises:
@@ -273,7 +281,7 @@ async def _counting(talk: Conversation) -> Counts:
     )
 
 
-async def _gives_up(person: Person, verdict: Wiring) -> bool:
+async def _gives_up(person: Respondent, verdict: WiringFound) -> bool:
     """Print the faults; whether the file is wanted in spite of them."""
     say_heading("To be repaired: no configuration makes up for it")
     say_points(fault.words for fault in verdict.faults)

@@ -8,12 +8,12 @@ from pathlib import Path
 import msgspec
 
 from yahboomd.core.program import pasteable
-from yahboomd.tools.calibrate.estimates.wiring import Wiring, plain
+from yahboomd.tools.calibrate.estimates.wiring import WiringFound, plain
 from yahboomd.tools.setup.description import Description
 from yahboomd.tools.setup.last_look import GearSeen
 
 
-class Outcome(msgspec.Struct, frozen=True, kw_only=True):
+class SetupOutcome(msgspec.Struct, frozen=True, kw_only=True):
     """A robot that was set up.
 
     Attributes:
@@ -25,12 +25,12 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
     port: str
     dialect: str
     description: Description
-    wiring: Wiring
+    wiring: WiringFound
     gear: GearSeen = GearSeen()
     imu: str = ""
 
 
-def result(found: Outcome, path: Path) -> str:
+def result(found: SetupOutcome, path: Path) -> str:
     """The outcome as one line of JSON."""
     facts = {
         "file": str(path),
@@ -46,7 +46,7 @@ def result(found: Outcome, path: Path) -> str:
     return msgspec.json.encode(facts).decode()
 
 
-def next_steps(found: Outcome, path: Path) -> str:
+def next_steps(found: SetupOutcome, path: Path) -> str:
     """How the motors are connected, and the commands to run next."""
     lines = [f"\n{path} is written."]
     for motor in found.wiring.motors:

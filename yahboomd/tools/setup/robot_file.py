@@ -15,7 +15,7 @@ from yahboomd.core.config.values import inline
 from yahboomd.core.drive.kinematics import unit_geometry
 from yahboomd.core.errors import ConfigError
 from yahboomd.core.model import Kinematics
-from yahboomd.tools.calibrate.estimates.wiring import WiredMotor, Wiring
+from yahboomd.tools.calibrate.estimates.wiring import WiredMotor, WiringFound
 from yahboomd.tools.setup.description import Description
 
 _COMMENTS = {
@@ -27,7 +27,9 @@ _COMMENTS = {
 }
 
 
-def as_toml(description: Description, wiring: Wiring, *, port: str = "", gear: str = "") -> str:
+def as_toml(
+    description: Description, wiring: WiringFound, *, port: str = "", gear: str = ""
+) -> str:
     """The configuration of a robot.
 
     Args:
@@ -74,7 +76,7 @@ def as_config(description: Description, wheels: Sequence[str]) -> Config:
         WiredMotor(wheel=wheel, position=position, sign=1)
         for position, wheel in enumerate(wheels, start=1)
     )
-    text = as_toml(description, Wiring(motors=motors))
+    text = as_toml(description, WiringFound(motors=motors))
     return Config.of(tomllib.loads(text))
 
 

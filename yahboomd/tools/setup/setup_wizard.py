@@ -20,7 +20,7 @@ from yahboomd.core.model import ImuReading
 from yahboomd.core.protocol.dialect import Dialect
 from yahboomd.core.protocol.profiles import FASTEST_RATIO, MotorProfile
 from yahboomd.core.protocol.settings import BoardSettings
-from yahboomd.tools.calibrate.estimates.wiring import Wiring
+from yahboomd.tools.calibrate.estimates.wiring import WiringFound
 from yahboomd.tools.port import probing
 from yahboomd.tools.port.guarded import guarded
 from yahboomd.tools.port.own_port import refuse_estop
@@ -31,14 +31,14 @@ from yahboomd.tools.probe.probe_write import Printed
 from yahboomd.tools.setup.board_law import drivable
 from yahboomd.tools.setup.description import Description, Given, ask_motors, ask_robot
 from yahboomd.tools.setup.last_look import FITS, GearSeen, LastLook
-from yahboomd.tools.setup.motor_turns import MOTOR_TURNS_PER_S, ByHand, ByOutput, Robot
-from yahboomd.tools.setup.outcome import Outcome
+from yahboomd.tools.setup.motor_turns import MOTOR_TURNS_PER_S, ByHand, ByOutput, UnwiredRobot
+from yahboomd.tools.setup.outcome import SetupOutcome
 from yahboomd.tools.setup.robot_drawing import wheels_of
 from yahboomd.tools.setup.robot_file import as_config
 from yahboomd.tools.stop import diagnosis
 from yahboomd.tools.terminal.terminal_questions import (
     WIDTH,
-    Person,
+    Respondent,
     agrees,
     say,
     say_heading,
@@ -54,7 +54,7 @@ class Wizard:
 
     def __init__(
         self,
-        person: Person,
+        person: Respondent,
         given: Given,
         config: Config,
         *,
@@ -71,7 +71,7 @@ class Wizard:
         self._settings: BoardSettings | None = None
         self._imu = ""
 
-    async def find(self, *, by_hand: bool) -> Outcome:
+    async def find(self, *, by_hand: bool) -> SetupOutcome:
         """Ask what the robot is, and find out how its motors are connected.
 
         Args:
@@ -100,11 +100,11 @@ class Wizard:
         else:
             await self._lifted()
         wiring, gear = await self._connected(
-            Robot(description=description, wheels=wheels, ways=ways),
+            UnwiredRobot(description=description, wheels=wheels, ways=ways),
             by_hand=by_hand or not dialect.most_output,
         )
         description, gear = await self._geared(description, gear)
-        return Outcome(
+        return SetupOutcome(
             port=self._port,
             dialect=dialect.name,
             description=description,
@@ -193,7 +193,9 @@ class Wizard:
         ):
             raise Refused("No motor was turned, and nothing was written.")
 
-    async def _connected(self, robot: Robot, *, by_hand: bool) -> tuple[Wiring, GearSeen]:
+    async def _connected(
+        self, robot: UnwiredRobot, *, by_hand: bool
+    ) -> tuple[WiringFound, GearSeen]:
         person, profile = self._person, robot.description.profile
         port = await self._opener()
         line = Line(port, self._clock, resend_s=RESEND_S)

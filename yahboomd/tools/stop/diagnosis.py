@@ -11,7 +11,7 @@ from pathlib import Path
 
 from yahboomd.core.errors import BoardSilent, LinkError, PortBusy, PortDenied, PortMissing
 from yahboomd.core.link.discovery import Candidate, without_driver
-from yahboomd.core.link.line import Heard
+from yahboomd.core.link.line import ReceivedSample
 from yahboomd.core.link.port_errors import holders
 from yahboomd.core.protocol.registry import DIALECTS
 
@@ -40,7 +40,7 @@ def hints(
     path: str,
     *,
     found: Iterable[Candidate] = (),
-    heard: Heard | None = None,
+    heard: ReceivedSample | None = None,
     sysfs: Path = Path("/sys/bus/usb/devices"),
 ) -> tuple[str, ...]:
     """Further facts about an error, the most likely cause first.
@@ -109,7 +109,7 @@ def busy(who: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(KNOWN_HOLDERS[name] for name in names if name in KNOWN_HOLDERS)
 
 
-def what_was_heard(heard: Heard) -> str:
+def what_was_heard(heard: ReceivedSample) -> str:
     """Describe the bytes of a port without a board, and their likely cause."""
     data = heard.start
     if not data:

@@ -42,7 +42,7 @@ def not_released(
     error: BusError, asked: StopOptions, found: list[LocalDaemon], endpoints: tuple[str, ...]
 ) -> BusError:
     """Explain why no daemon answers, by the daemon of this machine that is meant."""
-    from yahboomd.tools.stop.stop_local import Wanted, there
+    from yahboomd.tools.stop.stop_local import DaemonChoice, there
 
     meant = [robot.pid for robot in found if robot.silent and not asked.connect]
     if asked.port:
@@ -62,7 +62,7 @@ def not_released(
             )
     if asked.connect:
         return error
-    wanted = Wanted(port=asked.port)
+    wanted = DaemonChoice(port=asked.port)
     others = there(
         [robot for robot in found if not robot.silent and wanted.fits(robot)], "stop --release"
     )

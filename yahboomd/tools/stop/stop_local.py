@@ -26,7 +26,7 @@ STOP = b"stop by yahboomd stop\n"
 """Any request but ``status`` engages; this one names the program that asks."""
 
 
-class Wanted(NamedTuple):
+class DaemonChoice(NamedTuple):
     """A choice among daemons. None and empty fields fit all.
 
     Attributes:
@@ -81,7 +81,7 @@ class LocalDaemon(NamedTuple):
         return plain(f"{self.namespace or 'yahboomd'} ({facts})")
 
 
-class Outcome(NamedTuple):
+class StopOutcome(NamedTuple):
     """The result of a stop.
 
     Attributes:
@@ -107,13 +107,13 @@ class LocalStops:
 
     def __init__(self) -> None:
         self.answering: list[LocalDaemon] = []
-        self.wanted = Wanted()
+        self.wanted = DaemonChoice()
         self.silent: list[LocalDaemon] = []
         self.others: list[LocalDaemon] = []
         self.unknown: list[LocalDaemon] = []
         self._meant: list[tuple[LocalDaemon, Talk]] = []
 
-    def engage(self, wanted: Wanted, found: Iterable[LocalDaemon]) -> None:
+    def engage(self, wanted: DaemonChoice, found: Iterable[LocalDaemon]) -> None:
         """Stop them; returns once each that answers has engaged its emergency stop.
 
         It does not wait for the others: they have the request, and engage when they run again.
@@ -131,7 +131,7 @@ class LocalStops:
         answering = [talk for robot, talk in self._meant if not robot.silent]
         converse(answering, lines=1, within_s=ENGAGED_WITHIN_S)
 
-    def outcomes(self) -> list[Outcome]:
+    def outcomes(self) -> list[StopOutcome]:
         """Wait some seconds until the wheels stand; returns the outcome of each stop."""
         converse([talk for _, talk in self._meant], lines=2, within_s=STOOD_WITHIN_S)
         found = []
@@ -171,14 +171,14 @@ def _identified(robot: LocalDaemon) -> LocalDaemon:
     return _robot(talk) if talk.lines else robot
 
 
-def covered(outcome: Outcome, paths: Iterable[str]) -> bool:
+def covered(outcome: StopOutcome, paths: Iterable[str]) -> bool:
     """Whether a daemon without counts has no board, because another process holds its port."""
     return outcome.blind and any(
         same_port(port, path) for port in outcome.robot.ports for path in paths
     )
 
 
-def vouched_for(outcome: Outcome, paths: Iterable[str]) -> bool:
+def vouched_for(outcome: StopOutcome, paths: Iterable[str]) -> bool:
     """Whether a trusted process has judged each port that a daemon names."""
     ports = outcome.robot.ports
     return bool(ports) and all(any(same_port(port, path) for path in paths) for port in ports)
@@ -193,7 +193,7 @@ def drives(robots: Iterable[LocalDaemon], path: str) -> bool:
     )
 
 
-def unproved(outcome: Outcome) -> str:
+def unproved(outcome: StopOutcome) -> str:
     """Report the answer of a process that is not believed as its user's."""
     robot = outcome.robot
     who = "Somebody" if robot.uid is None else f"User {robot.uid}"
@@ -244,7 +244,7 @@ def folders(
 
 
 def notes(
-    environ: Mapping[str, str], wanted: Wanted, living: Iterable[LocalDaemon]
+    environ: Mapping[str, str], wanted: DaemonChoice, living: Iterable[LocalDaemon]
 ) -> list[PortNote]:
     """The notes of daemons that neither answer nor ended in order: their boards may still drive."""
     # A killed daemon's process id may belong to any process by now.
@@ -303,7 +303,7 @@ def same_port(one: str, other: str) -> bool:
     return os.path.realpath(one) == os.path.realpath(other)
 
 
-def _outcome(robot: LocalDaemon, lines: Sequence[dict[str, Any]]) -> Outcome:
+def _outcome(robot: LocalDaemon, lines: Sequence[dict[str, Any]]) -> StopOutcome:
     words = pasteable(plain(str(lines[0].get("message", ""))))
     seen = lines[1] if len(lines) > 1 else {}
     stood, fastest = seen.get("stood") is True, seen.get("fastest_m_s")
@@ -320,7 +320,7 @@ def _outcome(robot: LocalDaemon, lines: Sequence[dict[str, Any]]) -> Outcome:
     else:
         again = release_command(robot.namespace, robot.listen)
         words += f" {verdict(fastest_m_s, stood=stood, again=again)}"
-    return Outcome(robot, words, stood=stood, blind=blind)
+    return StopOutcome(robot, words, stood=stood, blind=blind)
 
 
 def verdict(fastest_m_s: float | None, *, stood: bool, again: str) -> str:

@@ -14,7 +14,7 @@ from yahboomd.tools.terminal.input_lines import InputLines
 
 
 @dataclass(frozen=True, kw_only=True)
-class Bounds:
+class LargestMove:
     """The most that the robot moves before the next question."""
 
     distance_m: float
@@ -57,7 +57,7 @@ class Person(Protocol):
     async def confirm(self, name: str, words: str) -> None:
         """Ask them to do something, and wait until they confirm that it is done."""
 
-    async def start(self, name: str, words: str, bounds: Bounds) -> None:
+    async def start(self, name: str, words: str, bounds: LargestMove) -> None:
         """Announce a movement, and wait until they let it begin."""
 
     async def number(self, question: Number) -> float | None:
@@ -91,7 +91,7 @@ class Answers:
         del name
         await self._line(words)
 
-    async def start(self, name: str, words: str, bounds: Bounds) -> None:
+    async def start(self, name: str, words: str, bounds: LargestMove) -> None:
         """Wait for Enter."""
         self._part = 0
         self.say(f"{words} It will move for at most {bounds.time_s:.0f} s; Ctrl-C stops it.")

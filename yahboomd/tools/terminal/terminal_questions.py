@@ -14,7 +14,7 @@ from yahboomd.tools.terminal.input_lines import InputLines
 WIDTH = 100
 
 
-class Person(Protocol):
+class Respondent(Protocol):
     """The person who answers."""
 
     async def line(self, question: str) -> str:
@@ -53,7 +53,7 @@ def say_points(points: Iterable[str]) -> None:
 
 
 async def agrees(
-    person: Person, question: str, *, hint: str = " [y/N]", blank: bool | None = False
+    person: Respondent, question: str, *, hint: str = " [y/N]", blank: bool | None = False
 ) -> bool:
     """Ask until the answer is yes or no.
 

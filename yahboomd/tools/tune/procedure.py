@@ -24,7 +24,14 @@ from yahboomd.tools.tune.estimates.step_response import StepFigures
 from yahboomd.tools.tune.estimates.suggestion import suggest
 from yahboomd.tools.tune.stand import Stand
 from yahboomd.tools.tune.traces import TICK_S, Traces, odd_one
-from yahboomd.tools.tune.tuning_result import DEAD_ZONE, GAINS, Result, Wheel, rank_of, tuned_of
+from yahboomd.tools.tune.tuning_result import (
+    DEAD_ZONE,
+    GAINS,
+    Result,
+    WheelTuning,
+    rank_of,
+    tuned_of,
+)
 from yahboomd.tools.tune.wheel_faults import WheelFault
 
 T = TypeVar("T")
@@ -122,7 +129,7 @@ class Procedure:
             result.speed_m_s = min(result.speed_m_s, 0.6 * stand.top_m_s)
             result.stored_before = result.stored_now = tuned_of(settings)
             result.wheels = [
-                Wheel(name=motor.name, position=motor.position) for motor in stand.motors
+                WheelTuning(name=motor.name, position=motor.position) for motor in stand.motors
             ]
             if dialect.settings:
                 ready()
@@ -369,7 +376,7 @@ class _Said(storing.Progress):
         names = "; ".join(each.text for each in writes) or "nothing that differs"
         self._say(f"writing to the board's flash{restart}: {names}")
 
-    def stored(self, step: storing.Step, has: BoardSettings) -> None:  # noqa: ARG002
+    def stored(self, step: storing.StoringStep, has: BoardSettings) -> None:  # noqa: ARG002
         self._say(f"{step.write.text}: {step.outcome}")
 
 

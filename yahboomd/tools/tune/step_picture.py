@@ -8,7 +8,7 @@ from typing import Any
 from yahboomd.core.errors import Refused
 from yahboomd.tools.tune.estimates.step_response import BAND, StepFigures
 from yahboomd.tools.tune.traces import TICK_S
-from yahboomd.tools.tune.tuning_result import Result, Wheel
+from yahboomd.tools.tune.tuning_result import Result, WheelTuning
 
 BEFORE, AFTER = "#d55e00", "#0072b2"
 """Okabe and Ito's, which those who see few colours can tell apart."""
@@ -49,7 +49,7 @@ def draw(result: Result) -> Any:  # noqa: ANN401 - matplotlib has no types
     return figure
 
 
-def _wheel(axes: Any, result: Result, index: int, wheel: Wheel) -> None:  # noqa: ANN401
+def _wheel(axes: Any, result: Result, index: int, wheel: WheelTuning) -> None:  # noqa: ANN401
     target = result.speed_m_s
     axes.set(title=f"{wheel.name} (M{wheel.position})", xlabel="time, s", ylabel="m/s")
     axes.grid(alpha=0.3)

@@ -20,7 +20,7 @@ BETTER = 0.9
 """Gains that settle within this share of the time before are worth a write."""
 
 
-class Wheel(msgspec.Struct, kw_only=True):
+class WheelTuning(msgspec.Struct, kw_only=True):
     """The findings on one wheel.
 
     Attributes:
@@ -65,7 +65,7 @@ class Result(msgspec.Struct, kw_only=True):
     stored_now: BoardSettings = msgspec.field(default_factory=dict)
     suggested: BoardSettings = msgspec.field(default_factory=dict)
     expected: Suggestion | None = None
-    wheels: list[Wheel] = msgspec.field(default_factory=list)
+    wheels: list[WheelTuning] = msgspec.field(default_factory=list)
     writes: int = 0
     resets: int = 0
     notes: list[str] = msgspec.field(default_factory=list)

@@ -16,7 +16,7 @@ from typing import Protocol
 
 from yahboomd.core.bus import keys
 from yahboomd.core.bus.bus import Bus
-from yahboomd.core.bus.services import Request, Response
+from yahboomd.core.bus.services import BusQuery, Response
 from yahboomd.core.bus.subscriptions import Arrival
 from yahboomd.core.daemon.publisher import Outlet
 from yahboomd.core.daemon.requests import Answer
@@ -206,10 +206,10 @@ class NativeWay:
             max_bytes=PARAMETERS_MAX_BYTES,
         )
 
-    def _answer(self, request: Request, reply: ServiceReply) -> Response:
+    def _answer(self, request: BusQuery, reply: ServiceReply) -> Response:
         return self._respond(request, encode_reply(reply, "cdr"))
 
-    def _respond(self, request: Request, payload: bytes) -> Response:
+    def _respond(self, request: BusQuery, payload: bytes) -> Response:
         asked = ros2.parse_attachment(request.attachment or b"") or _NO_CLIENT
         return Response(
             payload=payload,

@@ -49,7 +49,6 @@ def four_integers(args: str) -> Counts | None:
 
 
 def totals(args: str) -> Totals | None:
-    """Four counters, or None."""
     ticks = four_integers(args)
     return None if ticks is None else Totals(ticks=ticks)
 

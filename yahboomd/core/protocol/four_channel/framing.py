@@ -86,7 +86,7 @@ Item: TypeAlias = Frame | TextLine
 """The items that a framer finds."""
 
 
-class Framer:
+class LineFramer:
     """Cuts what comes from the board into frames and text lines.
 
     It holds at most :data:`MAX_HELD_BYTES` bytes, and never raises.

@@ -13,7 +13,7 @@ import msgspec
 from yahboomd.core.model import Kinematics, Motor
 from yahboomd.core.protocol.dialect import Decoded, Dialect, Totals, Units
 from yahboomd.core.protocol.four_channel.fields import command, totals
-from yahboomd.core.protocol.four_channel.framing import RESYNC, Frame, Framer, TextLine
+from yahboomd.core.protocol.four_channel.framing import RESYNC, Frame, LineFramer, TextLine
 from yahboomd.core.protocol.four_channel.stored import (
     AFTER_ANSWER_NS,
     BAUDRATE,
@@ -56,9 +56,9 @@ class Polled(Dialect, frozen=True, kw_only=True):
     # A 520. If it is lost, nothing shows it but wheels that do not turn.
     arm: tuple[bytes, ...] = (b"$mtype:1#",) * ARM_REPEATS
 
-    def framer(self) -> Framer:
+    def framer(self) -> LineFramer:
         """Return a framer for frames and text lines."""
-        return Framer()
+        return LineFramer()
 
     def speeds(self, units: Units) -> bytes:
         """Permille of the article's scale, about mm/s: -1000..1000."""
@@ -80,7 +80,6 @@ class Polled(Dialect, frozen=True, kw_only=True):
         *,
         scale: float,
     ) -> PerMotor:
-        """A speed for each motor."""
         return motion(kinematics, motors, settings, scale=scale, max_command=MAX_SPEED)
 
     def for_profile(self, profile: MotorProfile) -> Polled:

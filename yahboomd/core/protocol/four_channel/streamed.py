@@ -28,7 +28,7 @@ from yahboomd.core.protocol.four_channel.fields import (
     totals,
     volts,
 )
-from yahboomd.core.protocol.four_channel.framing import RESYNC, Frame, Framer, TextLine
+from yahboomd.core.protocol.four_channel.framing import RESYNC, Frame, LineFramer, TextLine
 from yahboomd.core.protocol.four_channel.stored import (
     AFTER_ANSWER_NS,
     BAUDRATE,
@@ -105,9 +105,9 @@ class Streamed(Dialect, frozen=True, kw_only=True):
     read_settings: tuple[bytes, ...] = (b"$read_flash#",)
     settings: tuple[StoredSetting, ...] = TABLE
 
-    def framer(self) -> Framer:
+    def framer(self) -> LineFramer:
         """Return a framer for frames and text lines."""
-        return Framer()
+        return LineFramer()
 
     def speeds(self, units: Units) -> bytes:
         """Closed loop, in mm/s as the board believes: -1000..1000."""

@@ -41,7 +41,7 @@ class Tracks(NamedTuple):
     pose: Floats
 
 
-class Mounting(NamedTuple):
+class SensorPose(NamedTuple):
     """The sensor's pose on the robot, from the middle of the axle: metres, metres, radians."""
 
     x: float
@@ -55,7 +55,7 @@ class _Interval(NamedTuple):
     moved: Floats
 
 
-def fit_to_sensor(tracks: Tracks, *, interval_s: float = 1.0) -> tuple[Fit, Mounting]:
+def fit_to_sensor(tracks: Tracks, *, interval_s: float = 1.0) -> tuple[Fit, SensorPose]:
     """The factors, with their deviation by leaving parts of the recording out (jackknife).
 
     Args:
@@ -110,7 +110,7 @@ def _relative(before: Floats, after: Floats) -> Floats:
 
 def _solve(
     intervals: list[_Interval], separation_m: float
-) -> tuple[Factors, Mounting, tuple[tuple[float, ...], ...]]:
+) -> tuple[Factors, SensorPose, tuple[tuple[float, ...], ...]]:
     counts = np.array([[each.left.sum(), each.right.sum()] for each in intervals])
     turns = np.array([each.moved[2] for each in intervals])
     # A piece may contain more than half a turn: the counts say which one.
@@ -151,6 +151,6 @@ def _solve(
             ratio=float(right / left),
             track=float(track_m) / separation_m,
         ),
-        Mounting(float(x), float(y), float(np.arctan2(unit[1], unit[0]))),
+        SensorPose(float(x), float(y), float(np.arctan2(unit[1], unit[0]))),
         tuple((float(a), float(b)) for a, b in errors.reshape(-1, 2)),
     )

@@ -27,7 +27,7 @@ ALIKE = 0.3
 """A counter that moved by such a share of the one that moved most was moved by the same pulse."""
 
 
-class Turn(msgspec.Struct, frozen=True, kw_only=True):
+class MotorTurn(msgspec.Struct, frozen=True, kw_only=True):
     """One motor's turn, by the counters and by the person.
 
     Attributes:
@@ -81,7 +81,7 @@ class WiringFault(msgspec.Struct, frozen=True):
     arrives: int | None = None
 
 
-class Wiring(msgspec.Struct, frozen=True, kw_only=True):
+class WiringFound(msgspec.Struct, frozen=True, kw_only=True):
     """The verdict.
 
     Attributes:
@@ -106,11 +106,11 @@ def plain(wheel: str) -> str:
 
 
 def judge(
-    turns: Sequence[Turn],
+    turns: Sequence[MotorTurn],
     wheels: Sequence[str],
     ticks_per_revolution: float,
     plugs: Mapping[str, int] | None = None,
-) -> Wiring:
+) -> WiringFound:
     """Find positions, signs and faults.
 
     Args:
@@ -127,7 +127,7 @@ def judge(
     faults = [fault for turn in by_wheel for fault in _encoder_faults(turn, seen_at)]
     faults += _dead_motors(missing, [turn.position for turn in still], plugs or {})
     swapped = [fault for fault in faults if fault.kind == "encoder_swapped"]
-    return Wiring(
+    return WiringFound(
         motors=tuple(
             WiredMotor(wheel=turn.wheel, position=turn.position, sign=1 if turn.forward else -1)
             for turn in by_wheel
@@ -140,7 +140,7 @@ def judge(
     )
 
 
-def judge_by_hand(turns: Sequence[HandTurn], ticks_per_revolution: float) -> Wiring:
+def judge_by_hand(turns: Sequence[HandTurn], ticks_per_revolution: float) -> WiringFound:
     """Find the positions and the signs of the encoders, as far as turning by hand shows them.
 
     Motor and encoder share a plug: a motor is taken to be where its encoder is, and to be mounted
@@ -170,7 +170,7 @@ def judge_by_hand(turns: Sequence[HandTurn], ticks_per_revolution: float) -> Wir
         for other in motors[number + 1 :]
         if one.position == other.position
     ]
-    return Wiring(
+    return WiringFound(
         motors=tuple(motors), faults=tuple(faults), missing=tuple(missing), doubts=tuple(doubts)
     )
 
@@ -181,7 +181,7 @@ def _strongest(counts: Counts, least: float) -> int | None:
     return counts.index(most) + 1 if abs(most) >= least else None
 
 
-def _channel(turn: Turn, least: float) -> int | None:
+def _channel(turn: MotorTurn, least: float) -> int | None:
     """The position at which the counts of a motor arrive; its own where that moved much too."""
     strongest = _strongest(turn.counts, least)
     if strongest is None:
@@ -191,8 +191,8 @@ def _channel(turn: Turn, least: float) -> int | None:
 
 
 def _doubts(
-    moved: Mapping[int, Turn],
-    still: Iterable[Turn],
+    moved: Mapping[int, MotorTurn],
+    still: Iterable[MotorTurn],
     seen_at: Mapping[int, int | None],
     least: float,
 ) -> Iterator[tuple[tuple[int, ...], str]]:
@@ -212,7 +212,7 @@ def _doubts(
             yield (turn.position,), f"M{turn.position} moved a counter, and you saw no wheel turn."
 
 
-def _encoder_faults(turn: Turn, seen_at: Mapping[int, int | None]) -> Iterator[WiringFault]:
+def _encoder_faults(turn: MotorTurn, seen_at: Mapping[int, int | None]) -> Iterator[WiringFault]:
     position, wheel, name = turn.position, turn.wheel, plain(turn.wheel)
     channel = seen_at[position]
     if channel is None:
