@@ -95,7 +95,14 @@ def test_killed_at_any_moment_it_is_readable_and_its_poses_are_those_that_were_p
         box = read_box(left.read_bytes())
         assert box.damaged == 0
         kinds = {type(record.meaning).__name__ for record in box.records}
-        assert {"Anchor", "Received", "Written", "Command", "Decision", "Happened"} <= kinds
+        assert {
+            "Anchor",
+            "Received",
+            "Written",
+            "CommandRecord",
+            "DecisionRecord",
+            "Happened",
+        } <= kinds
         # All that the daemon published since the first anchor, to the last bit.
         replay = PoseReplay(box.header)
         replay.run(box.records, damaged=box.damaged > 0)
