@@ -4,9 +4,12 @@ The bounds: a pulse lasts half a second at most, and no wheel turns by more than
 if its gear is faster than configured. In all pulses of one call no wheel turns by more than one
 turn. A pulse ends when the counters show that the wheel will have turned this far once it has
 rolled out. While no counter moves, the fastest existing motor bounds each pulse and all of them
-together; a motor that does not move within that is reported as one that did not turn. A pulse sets
-an output, never a speed: with a dead or reversed encoder the board's speed loop would drive the
-wheel as fast as it can.
+together; a motor that does not move within that is reported as one that did not turn. An advance
+has no such bound on all its pulses: an encoder that fails after its motor was tried lets the wheel
+turn by more than one turn.
+
+A pulse sets an output, never a speed: with a dead or reversed encoder the board's speed loop would
+drive the wheel as fast as it can.
 """
 
 from __future__ import annotations
