@@ -3,26 +3,19 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from board_bench import LinkBench
 from fault_bench import FaultBench
-from vendor_firmware import MOTORS, instead_of_simulated, missing
+from vendor_firmware import MOTORS, ON_THE_FIRMWARE
 
 from yahboomd.core.clock import LoopClock
 from yahboomd.core.link.stopping import stop_unidentified
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 
-pytestmark = pytest.mark.skipif(bool(missing()), reason=missing())
-
-
-@pytest.fixture(autouse=True)
-def _firmware() -> Iterator[None]:
-    with instead_of_simulated():
-        yield
+pytestmark = ON_THE_FIRMWARE
 
 
 @pytest.mark.parametrize("motor", MOTORS)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
 from board_bench import LinkBench
-from vendor_firmware import MOTORS, instead_of_simulated, missing
+from vendor_firmware import MOTORS, ON_THE_FIRMWARE
 
+from yahboomd.core.errors import BoardError
 from yahboomd.core.link import handshake
 from yahboomd.core.link.conversation import Conversation
 from yahboomd.core.link.line import Line
@@ -21,21 +21,22 @@ from yahboomd.simulation.motors import FAULTS, PWM_MAX
 from yahboomd.simulation.virtual_time import on_virtual_time
 from yahboomd.tools.port.pulses import SHOWN_TURNS, Pulses
 
-pytestmark = pytest.mark.skipif(bool(missing()), reason=missing())
+pytestmark = ON_THE_FIRMWARE
 
 TURN_M = 2.0 * math.pi * 0.0335
 FASTEST_M_S = 550.0 / 60.0 * TURN_M
 """A motor of 550 rev/min."""
 
 
-@pytest.fixture(autouse=True)
-def _firmware() -> Iterator[None]:
-    with instead_of_simulated():
-        yield
+async def turned(
+    dead_zone: int, motor: dict[str, Any], *, dead: bool = False, fails: bool = False
+) -> tuple[list[float], bool]:
+    """The true turns of the wheel in each pulse of a call, and whether it was seen to turn.
 
-
-async def turned(dead_zone: int, motor: dict[str, Any], *, dead: bool) -> tuple[list[float], bool]:
-    """The true turns of the wheel in each pulse of one call, and whether it was seen to turn."""
+    Args:
+        dead: Its encoder counts nothing.
+        fails: Its encoder fails after the call, and what is returned is the next one's, an advance.
+    """
     board = LinkBench(flash=FlashContent(dead_zone=dead_zone), **motor)
     board.robot.start(round(asyncio.get_running_loop().time() * NS_PER_S))
     if dead:
@@ -62,6 +63,10 @@ async def turned(dead_zone: int, motor: dict[str, Any], *, dead: bool) -> tuple[
             on_pulse=mark,
         )
         pulse = await pulses.turn(1)
+        if fails:
+            travel.clear()
+            board.robot.set_faults("all", FAULTS["encoder-dead"], now_ns=board.clock.now_ns())
+            await pulses.advance({1: 1}, pulses.most_counts)
     assert [each.pwm for each in board.robot.plant.motors] == [0, 0]
     turns = [abs(end - start) for start, end in zip(travel[::2], travel[1::2], strict=True)]
     return turns, pulse.turns >= SHOWN_TURNS
@@ -75,7 +80,7 @@ KINDS = {
 
 
 @pytest.mark.parametrize("dead", [False, True], ids=["healthy", "dead encoder"])
-@pytest.mark.parametrize("dead_zone", [1600, 1900])
+@pytest.mark.parametrize("dead_zone", [0, 1600, 1900, 2150])
 @pytest.mark.parametrize("motor", KINDS)
 @on_virtual_time
 async def test_no_wheel_turns_more_than_half_a_turn_in_a_pulse_and_one_in_all(
@@ -87,3 +92,23 @@ async def test_no_wheel_turns_more_than_half_a_turn_in_a_pulse_and_one_in_all(
     assert sum(turns) <= 1.0
     # The stiffest one does not turn within that, which setup reports.
     assert seen == (not dead and "friction" not in motor)
+
+
+@pytest.mark.parametrize("dead_zone", [0, 1600, 1900, 2150])
+@pytest.mark.parametrize("motor", MOTORS | {"35 %, 550 rev/min": KINDS["35 %, 550 rev/min"]})
+@on_virtual_time
+async def test_an_encoder_that_fails_after_its_motor_was_tried_lets_it_turn_once_at_most(
+    motor: str, dead_zone: int
+) -> None:
+    turns, _ = await turned(dead_zone, KINDS[motor], fails=True)
+    assert max(turns) <= 0.5
+    assert sum(turns) <= 1.0
+
+
+@pytest.mark.parametrize("dead_zone", [2160, 2300, 3600])
+@on_virtual_time
+async def test_a_dead_zone_whose_least_output_is_too_much_is_named_and_nothing_turns(
+    dead_zone: int,
+) -> None:
+    with pytest.raises(BoardError, match=f"stores a dead zone of {dead_zone}"):
+        await turned(dead_zone, KINDS["35 %, 550 rev/min"])

@@ -2,21 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import pytest
 from tuning_bench import TuningBench
-from vendor_firmware import MOTORS, instead_of_simulated, missing
+from vendor_firmware import MOTORS, ON_THE_FIRMWARE
 
 from yahboomd.simulation.virtual_time import on_virtual_time
 
-pytestmark = pytest.mark.skipif(bool(missing()), reason=missing())
-
-
-@pytest.fixture(autouse=True)
-def _firmware() -> Iterator[None]:
-    with instead_of_simulated():
-        yield
+pytestmark = ON_THE_FIRMWARE
 
 
 @pytest.mark.parametrize("motor", MOTORS)

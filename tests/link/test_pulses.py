@@ -161,6 +161,28 @@ async def test_without_counts_a_pulse_ends_by_time_before_half_a_turn(
         assert stands(board)
 
 
+@on_virtual_time
+async def test_counts_that_stop_within_a_pulse_end_it_before_half_a_turn() -> None:
+    more = {"ticks_per_revolution": 44.0 * 56.0, "least_ticks": 836.0}
+    for moment in range(40):
+        # A slow start: the counters move long before the wheel is fast.
+        board = LinkBench(
+            max_speed_m_s=1.33, motor_dead_zone=1476, time_constant_s=0.23, ratio=19.0
+        )
+        watched = Watched(board)
+        async with pulses_on(board, on_pulse=watched.mark, **more) as (pulses, _):
+            await pulses.turn(1)
+            board.robot.after(
+                board.clock.now_ns() + moment * NS_PER_S // 50,
+                lambda at_ns, board=board: board.robot.set_faults(
+                    "all", FAULTS["encoder-dead"], now_ns=at_ns
+                ),
+            )
+            await pulses.advance({1: 1}, pulses.most_counts)
+        assert max(map(max, watched.rolled_m)) <= HALF_TURN_M
+        assert stands(board)
+
+
 @pytest.mark.parametrize("fault", ["encoder-reversed", "phases-swapped", "mounted-round"])
 @on_virtual_time
 async def test_a_wheel_that_would_run_away_is_only_pulsed_and_never_sent_a_speed(

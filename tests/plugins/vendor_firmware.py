@@ -20,6 +20,8 @@ from random import Random
 from types import ModuleType
 from typing import Any
 
+import pytest
+
 from yahboomd.core.model import CHANNELS, Counts
 from yahboomd.simulation.board import Emit
 from yahboomd.simulation.boards import BOARDS, BoardKind
@@ -224,6 +226,13 @@ class FirmwareStreamed:
 
     def hang(self) -> None:
         self._hangs = True
+
+
+ON_THE_FIRMWARE = [
+    pytest.mark.skipif(bool(missing()), reason=missing()),
+    pytest.mark.usefixtures("vendors_image"),
+]
+"""Marks of a file whose simulated four-channel boards are the vendor's firmware."""
 
 
 @contextmanager

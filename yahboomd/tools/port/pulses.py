@@ -4,9 +4,7 @@ The bounds: a pulse lasts half a second at most, and no wheel turns by more than
 if its gear is faster than configured. In all pulses of one call no wheel turns by more than one
 turn. A pulse ends when the counters show that the wheel will have turned this far once it has
 rolled out. While no counter moves, the fastest existing motor bounds each pulse and all of them
-together; a motor that does not move within that is reported as one that did not turn. An advance
-has no such bound on all its pulses: an encoder that fails after its motor was tried lets the wheel
-turn by more than one turn.
+together; a motor that does not move within that is reported as one that did not turn.
 
 A pulse sets an output, never a speed: with a dead or reversed encoder the board's speed loop would
 drive the wheel as fast as it can.
@@ -28,7 +26,7 @@ from yahboomd.core.model import CHANNELS, Counts
 from yahboomd.core.protocol.dialect import Dialect
 from yahboomd.core.protocol.settings import BoardSettings
 
-LONGEST_S, LONGEST_TURNS = 0.5, 0.5
+LONGEST_S = 0.5
 
 BOUND_TURNS = 0.3
 """A pulse ends at this count: the wheel rolls on, and counts are some milliseconds old."""
@@ -37,7 +35,10 @@ TURNS = 0.45
 """A pulse ends before the wheel turns farther, by its counts and by their speed."""
 
 BLIND_TURNS, MOST_BLIND_TURNS = 0.25, 1.0
-"""The fastest motor's turns in a pulse that no counter shows, and in all pulses of a call."""
+"""The fastest motor's turns in a pulse that no counter shows, and in all pulses of a call.
+
+A pulse that cannot be as short as that is still done up to :data:`TURNS`.
+"""
 
 ROLLS_S = 0.15
 """A wheel that is let go rolls on at most as far as it turned in this time."""
@@ -65,8 +66,12 @@ MOVED_TURNS = 0.01
 SEEN_COUNTS = 3
 """A wheel that counted this much has an encoder that works."""
 
-STEPS = tuple(step / 100.0 for step in range(30, 80, 6))
-"""Outputs to try, as shares of the largest one; the smallest ones turn no motor."""
+STEPS = tuple(step / 100.0 for step in range(48, 80, 6))
+"""Outputs to try, as shares of the largest one.
+
+Weaker ones turn few motors, and while no counter moves each uses up a part of what is allowed in
+all: stiff motors would then be reported as not turned.
+"""
 
 DEAD_SHARE = 0.33
 """No motor of the vendor's turns with a smaller share of the output."""
@@ -156,7 +161,7 @@ class Pulses:
             share = self._shares[number]
             limit_s = min(LONGEST_S, stretch * self.limit_s(share))
             most = self._turns_unseen(share, limit_s)
-            if stretch == 1 and (most > LONGEST_TURNS or blind + most > MOST_BLIND_TURNS):
+            if stretch == 1 and (most > TURNS or blind + most > MOST_BLIND_TURNS):
                 break
             on_step()
             pulse, _ = await self._pulse({position: 1}, share, limit_s=limit_s)
@@ -206,7 +211,7 @@ class Pulses:
             BoardError: The board reset itself, a wheel does not stop, or no counts come.
         """
         counts = min(counts, self.most_counts)
-        number, rolls = self._working, 0.0
+        number, rolls, blind = self._working, 0.0, 0.0
         done = (0, 0, 0, 0)
         for _ in range(MOST_PULSES):
             ways = [abs(done[position - 1]) for position in signs]
@@ -216,8 +221,14 @@ class Pulses:
             bound = min(left - rolls, self.most_counts - max(ways))
             if bound <= 0.0 or number >= len(self._shares):
                 break
+            share = self._shares[number]
+            most = self._turns_unseen(share, self.limit_s(share))
+            if most > TURNS or (blind and blind + most > MOST_BLIND_TURNS):
+                break
             on_step()
-            pulse, rolls = await self._pulse(signs, self._shares[number], bound)
+            pulse, rolls = await self._pulse(signs, share, bound)
+            if pulse.turns * self._ticks < SEEN_COUNTS:
+                blind += most
             done = tuple(map(sum, zip(done, pulse.counts, strict=True)))  # type: ignore[assignment]
             if min(abs(pulse.counts[each - 1]) for each in signs) < MOVED_TURNS * self._least:
                 number += 1
@@ -261,7 +272,8 @@ class Pulses:
         """
         unseen_s = self.limit_s(share) if limit_s is None else limit_s
         # The counters are that much older than what happens.
-        rolls_s = ROLLS_S + seconds(self._dialect.sample_period_ns or 0)
+        age_s = seconds(self._dialect.sample_period_ns or 0)
+        rolls_s = ROLLS_S + age_s
         line, clock, dialect = self._line, self._clock, self._dialect
         output = round(share * dialect.most_output)
         each = [output * signs.get(position, 0) for position in range(1, CHANNELS + 1)]
@@ -272,14 +284,18 @@ class Pulses:
         start_ns = clock.now_ns()
         self._on_pulse(True)
         line.writer.velocity(dialect.outputs((each[0], each[1], each[2], each[3]), self._settings))
-        then_ns, then = start_ns, 0.0
+        then_ns, then = moved_ns, moved = start_ns, 0.0
         try:
             while True:
                 now_ns = clock.now_ns()
                 self._check_reset(motors, resets)
                 turns = self._turns(before)
                 seen = turns * self._ticks >= SEEN_COUNTS
-                end_ns = start_ns + nanoseconds(LONGEST_S if seen else unseen_s)
+                if turns > moved:
+                    moved_ns, moved = now_ns, turns
+                # Counters that stopped may belong to an encoder that failed while its wheel turns.
+                until_ns = (moved_ns if seen else start_ns) + nanoseconds(unseen_s + seen * age_s)
+                end_ns = min(until_ns, start_ns + nanoseconds(LONGEST_S))
                 if turns * self._ticks >= bound or now_ns >= end_ns:
                     break
                 if now_ns - then_ns >= SPEED_NS:
