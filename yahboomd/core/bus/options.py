@@ -59,8 +59,8 @@ class BusOptions(msgspec.Struct, frozen=True, kw_only=True):
             what reaches the daemon: a tool that reads the same file would refuse what the daemon
             tells it.
         unix_socket: Path of a Unix socket to listen on as well; its folder must exist.
-        gossip: Tell the peers that a router serves of each other, as nodes of rmw_zenoh need it to
-            exchange anything. The session itself connects to none of them.
+        gossip: Whether a router tells its peers of each other; nodes of rmw_zenoh exchange nothing
+            without. The session itself connects to none of them.
         lease_s: After so long without a sign of life the others take this session for gone.
         open_timeout_s: The longest wait for the session to open.
         close_timeout_s: The longest wait for it to close.

@@ -69,8 +69,8 @@ SEEN_COUNTS = 3
 STEPS = tuple(step / 100.0 for step in range(48, 80, 6))
 """Outputs to try, as shares of the largest one.
 
-Weaker ones turn few motors, and while no counter moves each uses up a part of what is allowed in
-all: stiff motors would then be reported as not turned.
+Weaker ones turn few motors. While no counter moves, each uses up part of the turns that a call may
+cause, and stiff motors would be reported as not turned.
 """
 
 DEAD_SHARE = 0.33
