@@ -252,6 +252,31 @@ async def test_a_battery_alarm_that_latched_is_named_with_the_voltage_once_and_n
         assert min(bench.rim_speeds) > 0.25
 
 
+@pytest.mark.parametrize(
+    ("volts", "words"),
+    [
+        (8.85, "Use the car's own battery, then switch"),
+        (6.25, "Charge or replace the battery, then"),
+    ],
+)
+@on_virtual_time
+async def test_a_sunrise_has_its_own_limits_in_the_words_of_its_silence(
+    tmp_path: Path, volts: float, words: str
+) -> None:
+    flash = RosmasterStored(car_type=6)
+    async with robot(tmp_path, "board.profile=sunrise", flash=flash) as bench:
+        await bench.ready()
+        bench.robot.plant.battery_volts = volts
+        await bench.drive(10.0, 0.0)
+        state, why = bench.controller.state()
+        assert state == "waiting"
+        assert (
+            f"had {volts - 0.05:.1f} V at the alarm. Below 6.5 V or above 8.5 V for 2 s, it brakes"
+            in why
+        )
+        assert f"voltage becomes. {words}" in why
+
+
 @on_virtual_time
 async def test_the_voltage_comes_once_in_a_period_though_it_is_reported_all_the_time(
     tmp_path: Path,

@@ -54,6 +54,18 @@ async def test_a_board_that_stores_the_profile_is_written_nothing() -> None:
 
 
 @on_virtual_time
+async def test_gain_0_251_which_a_rosmaster_board_shows_as_0_250_is_written_once() -> None:
+    board = LinkBench(dialect="rosmaster")
+    want = BoardSettings(pid=(0.251, 0.06, 0.5))
+    first = await stored(board, want)
+    assert [step.outcome for step in first.steps] == ["stored"]
+    assert first.has["pid"] == (0.250, 0.06, 0.5)
+    again = await stored(board, want)
+    assert again.steps == ()
+    assert again.complete
+
+
+@on_virtual_time
 async def test_zeros_and_a_wrong_type_are_replaced() -> None:
     board = LinkBench(flash=FlashContent(motor_type=2, lines=0, ratio=0, wheel_diameter_mm=0.0))
     storing = await stored(board, P520)

@@ -102,6 +102,15 @@ def test_what_is_stored_is_written_to_the_flash_value_by_value():
     assert [row.words(GOOD[row.field]) for row in TABLE] == ["1 (X3)", "0.800, 0.060, 0.500"]
 
 
+def test_gain_0_251_reads_back_as_0_250_and_is_not_written_again():
+    want = {"pid": (0.251, 0.06, 0.5)}
+    (write,) = writes(TABLE, GOOD, want)
+    assert write.text == "gains P, I, D 0.250,0.060,0.500"
+    assert writes(TABLE, {**GOOD, "pid": (0.250, 0.06, 0.5)}, want) == ()
+    assert writes(TABLE, {**GOOD, "pid": (0.251, 0.06, 0.5)}, want) == ()
+    assert writes(TABLE, {**GOOD, "pid": (0.249, 0.06, 0.5)}, want)
+
+
 @given(st.integers(), st.integers(), st.integers())
 def test_no_motion_leaves_16_bits_or_sets_the_bit_that_holds_the_heading(vx, vy, wz):
     frame = motion(vx, vy, wz)

@@ -78,21 +78,30 @@ def test_no_words_of_another_device_are_taken_for_its_own(text):
 
 
 @pytest.mark.parametrize(
-    ("volts", "words"),
+    ("car", "volts", "words"),
     [
-        (9.1, "Its supply has 9.1 V. Below 9.6 V or above 13.0 V"),
-        (13.4, "Use the car's own battery"),
-        (6.0, "Charge or replace the battery"),
-        (9.0, "on a Sunrise below 6.5 V or above 8.5 V"),
-        (7.4, "has 7.4 V now"),
-        (12.0, "has 12.0 V now"),
-        (None, "only a reset ends"),
+        (1, 9.1, "Its supply had 9.1 V at the alarm. Below 9.6 V or above 13.0 V for 2 s, it"),
+        (1, 13.4, "becomes. Use the car's own battery, then"),
+        (1, 6.0, "becomes. Charge or replace the battery"),
+        (2, 9.0, "becomes. Charge or replace the battery"),
+        (1, 7.4, "has 7.4 V now"),
+        (1, 12.0, "has 12.0 V now"),
+        (1, None, "only a reset ends"),
+        (6, 8.8, "Its supply had 8.8 V at the alarm. Below 6.5 V or above 8.5 V for 2 s, it"),
+        (6, 8.8, "becomes. Use the car's own battery, then"),
+        (6, 12.0, "becomes. Use the car's own battery, then"),
+        (6, 6.2, "becomes. Charge or replace the battery"),
+        (6, 7.4, "has 7.4 V now"),
+        (None, 9.0, "on a Sunrise below 6.5 V or above 8.5 V"),
+        (None, 9.0, "becomes. Use the car's own battery, charged, then"),
+        (None, 6.0, "becomes. Charge or replace the battery"),
     ],
 )
-def test_its_silence_is_explained_by_its_supply(volts, words):
-    said = ROSMASTER.silence(volts)
+def test_its_silence_is_explained_by_its_supply_and_the_limits_of_the_car(car, volts, words):
+    said = ROSMASTER.silence(volts, {} if car is None else {"car_type": car})
     assert words in said
     assert "switch the board off and on" in said
+    assert ("Sunrise" in said) == (car is None)
 
 
 def test_wheels_are_turned_by_the_stored_car_type():

@@ -145,6 +145,13 @@ def test_settings_last_over_a_reset_only_where_they_were_saved_and_odd_types_are
     assert (stored.car_type, stored.p, stored.i, stored.d) == (6, 1.0, 0.1, 0.4)
 
 
+def test_gains_are_shown_as_a_float_of_32_bits_and_cut() -> None:
+    desk = Desk(flash=RosmasterStored(imu="", auto_report=0))
+    desk.write(frame(0x13, *struct.pack("<3H", 251, 60, 502), 0))
+    desk.write(frame(0x50, 0x13, 1), 20)
+    assert desk.frames() == [(0x13, struct.pack("<B3H", 1, 250, 60, 501))]
+
+
 def test_after_a_reset_it_says_its_version_and_is_silent_for_ten_seconds() -> None:
     desk = Desk()
     desk.write(motion(300), 1000)
@@ -171,16 +178,22 @@ def test_the_last_frame_of_the_silence_is_carried_out_at_its_end() -> None:
 
 
 @pytest.mark.parametrize(
-    ("volts", "latches"), [(9.0, True), (13.5, True), (10.0, False), (7.4, False), (5.0, True)]
+    ("car_type", "volts", "latches"),
+    [
+        *((1, 9.0, True), (1, 13.5, True), (1, 10.0, False), (1, 7.4, False), (1, 5.0, True)),
+        *((6, 8.8, True), (6, 10.0, True), (6, 7.0, False), (6, 6.2, True)),
+    ],
 )
 def test_a_battery_too_low_or_too_high_for_two_seconds_silences_it_until_a_reset(
-    volts: float, latches: bool
+    car_type: int, volts: float, latches: bool
 ) -> None:
-    desk = Desk(battery_volts=11.0, rated_volts=11.0, start_up_s=0.2)
+    fine = 8.0 if car_type == 6 else 11.0
+    flash = RosmasterStored(car_type=car_type)
+    desk = Desk(battery_volts=fine, rated_volts=fine, start_up_s=0.2, flash=flash)
     desk.write(motion(200), 500)
     desk.robot.plant.battery_volts = volts
     desk.run(3_000)
-    desk.robot.plant.battery_volts = 11.0
+    desk.robot.plant.battery_volts = fine
     quiet_ns = desk.now_ns
     desk.write(motion(200), 1_000)
     assert (desk.frames(quiet_ns) == []) is latches

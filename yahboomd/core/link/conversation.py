@@ -73,6 +73,10 @@ class Conversation:
                     return volts[-1]
         return None
 
+    async def why_silent(self) -> str:
+        """The reason why no counts come although the board answers; empty where there is none."""
+        return self.dialect.silence(*await handshake.ask_supply(self._line, self.dialect))
+
     async def read_counters(self) -> Counts | None:
         """The counters now; None where they do not come. A stream is left switched on."""
         frames = self.dialect.arm if self.dialect.poll is None else (self.dialect.poll,)

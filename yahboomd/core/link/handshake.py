@@ -141,20 +141,12 @@ async def await_reports(line: Line, dialect: Dialect) -> None:
     """
     if not dialect.listen_ns or line.streaming:
         return
-    volts: list[float] = []
-
-    def counts(decoded: Decoded) -> bool:
-        if isinstance(decoded, Battery):
-            volts.append(decoded.volts)
-        return isinstance(decoded, Totals)
-
     # One that needs no such frame is waited for the same way.
     for frame in (dialect.arm or (b"",)) * ATTEMPTS:
-        if await line.ask(frame, counts, REPORT_WITHIN_S):
+        if await line.ask(frame, lambda said: isinstance(said, Totals), REPORT_WITHIN_S):
             return
-    if dialect.battery is not None:
-        await line.ask(dialect.battery, counts, ANSWER_WITHIN_S)
-    if line.heard.resets and not volts:
+    volts, stored = await ask_supply(line, dialect)
+    if line.heard.resets and volts is None:
         raise BoardSilent(
             f"{line.port.name}: the board was switched on or reset this moment, and reports no "
             "counts yet.",
@@ -162,8 +154,25 @@ async def await_reports(line: Line, dialect: Dialect) -> None:
         )
     raise BoardSilent(
         f"{line.port.name}: the board answers, and reports no counts.",
-        remedy=dialect.silence(volts[-1] if volts else None),
+        remedy=dialect.silence(volts, stored),
     )
+
+
+async def ask_supply(line: Line, dialect: Dialect) -> tuple[float | None, BoardSettings]:
+    """The voltage and the stored values of a silent board, as far as it answers."""
+    volts: list[float] = []
+    stored: BoardSettings = {}
+
+    def answered(said: Decoded) -> bool:
+        if isinstance(said, Battery):
+            volts.append(said.volts)
+        elif isinstance(said, Setting):
+            stored[said.name] = said.value
+        return isinstance(said, Battery | Setting | VersionLine)
+
+    for question in filter(None, (dialect.battery, *dialect.read_settings)):
+        await line.ask(question, answered, ANSWER_WITHIN_S)
+    return (volts[-1] if volts else None), stored
 
 
 async def read_settings(

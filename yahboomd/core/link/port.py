@@ -200,11 +200,9 @@ class SerialPort(asyncio.Protocol):
     # What asyncio calls.
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Keep the transport."""
         self._transport = transport
 
     def data_received(self, data: bytes) -> None:
-        """Hand bytes on."""
         self._on_data(data)
 
     def connection_lost(self, exc: Exception | None) -> None:
@@ -217,7 +215,6 @@ class SerialPort(asyncio.Protocol):
     def listen(
         self, on_data: Callable[[bytes], None], on_lost: Callable[[Exception | None], None]
     ) -> None:
-        """See :class:`Port`."""
         self._on_data = on_data
         self._on_lost = on_lost
 
@@ -235,26 +232,22 @@ class SerialPort(asyncio.Protocol):
         return size
 
     def queued(self) -> int:
-        """See :class:`Port`."""
         if self._lost:
             return 0
         return in_kernel(self._fd) + (self.pending if self._spilled else 0)
 
     def drop_input(self) -> None:
-        """See :class:`Port`."""
         # Of a port that is lost the event loop hears by itself.
         if not self._lost:
             with contextlib.suppress(termios.error):
                 termios.tcflush(self._fd, termios.TCIFLUSH)
 
     def discard(self) -> None:
-        """See :class:`Port`."""
         if not self._lost and self._transport is not None:
             self._transport.flush()
             drop(self._fd)
 
     def write(self, data: bytes) -> None:
-        """See :class:`Port`."""
         if self._lost or self._transport is None:
             return
         pending = self.pending
@@ -276,7 +269,6 @@ class SerialPort(asyncio.Protocol):
         self._transport.write(data)
 
     def gather(self, least: int) -> None:
-        """See :class:`Port`."""
         if self._lost:
             return
         try:
@@ -287,7 +279,6 @@ class SerialPort(asyncio.Protocol):
             self._broken(error)
 
     def read_now(self) -> None:
-        """See :class:`Port`."""
         # Whatever is wrong with the port, the event loop hears of it by itself.
         if self._lost:
             return
@@ -299,15 +290,12 @@ class SerialPort(asyncio.Protocol):
             self._on_data(data)
 
     async def drain(self, timeout_s: float) -> bool:
-        """See :class:`Port`."""
-
         def waiting() -> int | None:
             return None if self._lost else self.queued()
 
         return await drained(self._clock, waiting, byte_ns=self.byte_ns, timeout_s=timeout_s)
 
     def close(self) -> None:
-        """See :class:`Port`."""
         self._on_data = lambda _data: None
         self._on_lost = lambda _error: None
         self._lost = True

@@ -277,11 +277,12 @@ class Dialect(msgspec.Struct, frozen=True, kw_only=True):
     None where listening is enough.
     """
 
-    def silence(self, volts: float | None) -> str:  # noqa: ARG002
+    def silence(self, volts: float | None, settings: BoardSettings) -> str:  # noqa: ARG002
         """The reason why a board that reports unasked only answers, and the remedy.
 
         Args:
             volts: The supply of its motors, where it answered with that.
+            settings: The stored values that it answered with.
         """
         return ""
 

@@ -38,8 +38,8 @@ BATTERY_TICKS = 10
 """The battery is looked at with every tenth run of the speed loops."""
 ALARM_AFTER = 20
 LOW_V, HIGH_V = 9.6, 13.0
-IGNORED_V = (6.5, 8.5)
-"""Two cells: no alarm."""
+SUNRISE, IGNORED_V = 6, (6.5, 8.5)
+"""The car with two cells, and its limits. For the others no alarm is raised in between."""
 
 SCALES_MPU = (3754.9, 1671.84, 1.0 / 0.15e-6)
 SCALES_ICM = (1000.0, 1000.0, 1e9)
@@ -213,7 +213,9 @@ class RosmasterBoard:
         if self._ticks % BATTERY_TICKS == 0 and not self._latched:
             self._plant.advance(now_ns)
             volts = self._plant.volts
-            bad = not LOW_V <= volts <= HIGH_V and not IGNORED_V[0] <= volts <= IGNORED_V[1]
+            bad = not IGNORED_V[0] <= volts <= IGNORED_V[1]
+            if self._stored.car_type != SUNRISE:
+                bad = bad and not LOW_V <= volts <= HIGH_V
             self._alarms = self._alarms + 1 if bad else 0
             if self._alarms > ALARM_AFTER:
                 self._latched = True
@@ -299,9 +301,12 @@ class RosmasterBoard:
             vx, vy, wz = struct.unpack("<3h", args[1:7])
             self._move(vx, vy, wz, now_ns)
         elif function == 0x13:
-            p, i, d = (value / 1000.0 for value in struct.unpack("<3H", args[:6]))
+            p, i, d = (single(value / 1000.0) for value in struct.unpack("<3H", args[:6]))
             if max(p, i, d) <= 10.0:
-                self._set(args[6] == IN_FLASH, p=p, i=i, d=d)
+                self._set(False, p=p, i=i, d=d)
+                if args[6] == IN_FLASH:
+                    p, i, d = (thousandths(gain) / 1000.0 for gain in (p, i, d))
+                    self._store(p=p, i=i, d=d)
         elif function == 0x15:
             if args[0] in CAR_TYPES:
                 self._set(args[1] == IN_FLASH, car_type=args[0])
@@ -332,7 +337,7 @@ class RosmasterBoard:
         elif function == 0x15:
             self._send(0x15, bytes((stored.car_type, 0)), now_ns)
         elif function == 0x13 and 1 <= parameter <= CHANNELS:
-            gains = (int(1000.0 * gain + 0.5) for gain in (stored.p, stored.i, stored.d))
+            gains = (thousandths(gain) for gain in (stored.p, stored.i, stored.d))
             self._send(0x13, struct.pack("<B3H", parameter, *gains), now_ns)
 
     def _set(self, in_flash: bool, **values: float) -> None:
@@ -342,6 +347,16 @@ class RosmasterBoard:
 
     def _store(self, **values: float) -> None:
         self.flash = msgspec.structs.replace(self.flash, **values)
+
+
+def single(value: float) -> float:
+    """The number as the board's float of 32 bits."""
+    return float(struct.unpack("<f", struct.pack("<f", value))[0])
+
+
+def thousandths(gain: float) -> int:
+    """A gain as the board shows and stores it: multiplied as such a float, and cut."""
+    return int(single(single(gain) * 1000.0))
 
 
 def _open_loop(value: int) -> int:

@@ -276,8 +276,7 @@ async def _counting(talk: Conversation) -> Counts:
             return counts
     raise BoardSilent(
         "The board answers, and its counters do not come.",
-        remedy=talk.dialect.silence(await talk.read_battery())
-        or "Is the cable long or noisy? Try `yahboomd probe`.",
+        remedy=await talk.why_silent() or "Is the cable long or noisy? Try `yahboomd probe`.",
     )
 
 

@@ -57,7 +57,6 @@ class Polled(Dialect, frozen=True, kw_only=True):
     arm: tuple[bytes, ...] = (b"$mtype:1#",) * ARM_REPEATS
 
     def framer(self) -> LineFramer:
-        """Return a framer for frames and text lines."""
         return LineFramer()
 
     def speeds(self, units: Units) -> bytes:

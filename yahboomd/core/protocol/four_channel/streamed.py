@@ -106,7 +106,6 @@ class Streamed(Dialect, frozen=True, kw_only=True):
     settings: tuple[StoredSetting, ...] = TABLE
 
     def framer(self) -> LineFramer:
-        """Return a framer for frames and text lines."""
         return LineFramer()
 
     def speeds(self, units: Units) -> bytes:

@@ -42,8 +42,8 @@ from yahboomd.core.protocol.settings import BoardSettings, StoredSetting
 
 LEAST_V: Final = 9.6
 MOST_V: Final = 13.0
-SUNRISE_V: Final = (6.5, 8.5)
-"""The limits of the car with two cells. The others raise no alarm in between."""
+SUNRISE, SUNRISE_V = 6, (6.5, 8.5)
+"""The car with two cells, and its limits. The others raise no alarm in between."""
 
 REPORT_NS: Final = 41_000_000
 """The cycle of its reports; each of the four kinds comes once."""
@@ -100,28 +100,28 @@ class Rosmaster(Dialect, frozen=True, kw_only=True):
             return isinstance(decoded, VersionLine)
         return not isinstance(decoded, Unrecognised)
 
-    def silence(self, volts: float | None) -> str:
+    def silence(self, volts: float | None, settings: BoardSettings) -> str:
         """The reason why it reports nothing although it answers."""
-        charge = "Charge or replace the battery, then switch the board off and on."
-        if volts is None or LEAST_V <= volts <= MOST_V or SUNRISE_V[0] <= volts <= SUNRISE_V[1]:
+        car, restart = settings.get("car_type"), "then switch the board off and on."
+        least, most = SUNRISE_V if car == SUNRISE else (LEAST_V, MOST_V)
+        if volts is None or least <= volts <= most or SUNRISE_V[0] <= volts <= SUNRISE_V[1]:
             shown = "" if volts is None else f" Its supply has {volts:.1f} V now."
             return (
                 "The alarm of its battery may have gone off, which only a reset ends (it beeps)."
-                f"{shown} {charge}"
+                f"{shown} Charge or replace the battery, {restart}"
             )
-        cure = charge
-        if volts > SUNRISE_V[1]:
-            other = "the car's own battery, then switch the board off and on."
-            cure = f"Use {other}" if volts > MOST_V else f"Charge it, or use {other}"
+        cure = "Charge or replace the battery"
+        if volts > (most if car else SUNRISE_V[1]):
+            cure = "Use the car's own battery" if car else "Use the car's own battery, charged"
+        other = f", on a Sunrise below {SUNRISE_V[0]} V or above {SUNRISE_V[1]} V"
+        # Its answers keep the voltage that raised the alarm.
         return (
-            f"Its supply has {volts:.1f} V. Below {LEAST_V} V or above {MOST_V:.1f} V for 2 s, on "
-            f"a Sunrise below {SUNRISE_V[0]} V or above {SUNRISE_V[1]} V, it brakes, beeps, and "
-            "neither counts nor reports until it is reset, whatever the voltage becomes. "
-            f"{cure}"
+            f"Its supply had {volts:.1f} V at the alarm. Below {least} V or above {most:.1f} V for "
+            f"2 s{'' if car else other}, it brakes, beeps, and neither counts nor reports until it "
+            f"is reset, whatever the voltage becomes. {cure}, {restart}"
         )
 
     def findings(self, settings: BoardSettings, profile: MotorProfile) -> Findings:
-        """The meaning of the stored settings for these motors."""
         return findings(settings, profile)
 
     def motion(
