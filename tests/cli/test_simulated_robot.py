@@ -60,5 +60,6 @@ def test_a_car_that_steers_has_its_rear_wheels_and_its_boards_type() -> None:
     }
     robot = as_configured(Config.of(sections))
     assert [(wire.corner, wire.position) for wire in robot.motors] == [("left", 2), ("right", 4)]
-    assert (robot.drive, robot.flash.car_type) == ("differential", 5)  # type: ignore[union-attr]
+    assert (robot.drive, robot.flash.car_type) == ("ackermann", 5)  # type: ignore[union-attr]
     assert robot.ticks_per_revolution == 836
+    assert robot.wheel_base_m == 0.235

@@ -1,13 +1,21 @@
 from __future__ import annotations
 
 import math
+from typing import get_args
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from yahboomd.simulation.chassis import ChassisTruth, shares
-from yahboomd.simulation.options import FOUR_WHEELS, TWO_WHEELS, DriveName, Wiring
+from yahboomd.simulation.options import (
+    FOUR_WHEELS,
+    REAR_WHEELS,
+    TWO_WHEELS,
+    WIRINGS,
+    DriveName,
+    Wiring,
+)
 
 TRACK_M = 0.15
 BASE_M = 0.17
@@ -80,6 +88,27 @@ def test_mecanum_moves_sideways() -> None:
     base = chassis("mecanum", FOUR_WHEELS)
     base.advance([-1.0, 1.0, 1.0, -1.0])
     assert (base.pose.x, base.pose.y) == pytest.approx((0.0, 1.0))
+
+
+def test_steered_front_wheels_force_their_curve_whatever_the_rear_ones_do() -> None:
+    base = chassis("ackermann", REAR_WHEELS)
+    assert base.twist([0.4, 0.6]).wz == pytest.approx(0.2 / TRACK_M)
+    base.turn_per_m = math.tan(math.radians(30.0)) / BASE_M
+    for speeds in ([0.4, 0.6], [0.5, 0.5], [-0.5, -0.5]):
+        twist = base.twist(speeds)
+        radius_m = BASE_M / math.tan(math.radians(30.0))
+        assert twist.wz == pytest.approx(twist.vx / radius_m)
+    assert base.twist([-0.2, 0.2]).wz == 0.0
+
+
+@pytest.mark.parametrize("drive", get_args(DriveName))
+def test_every_drive_has_usual_motors_and_shares_that_go_ahead_and_turn(drive: DriveName) -> None:
+    ahead, left, turn = (
+        sum(axis) for axis in zip(*chassis(drive, WIRINGS[drive])._parts, strict=True)
+    )
+    assert (ahead, left, turn) == pytest.approx((1.0, 0.0, 0.0), abs=1e-12)
+    sides = [-1.0 if "left" in wire.corner else 1.0 for wire in WIRINGS[drive]]
+    assert chassis(drive, WIRINGS[drive]).twist(sides).wz > 0.0
 
 
 def test_rollers_that_slip_go_less_far_to_the_side_alone() -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 from random import Random
 
 import pytest
@@ -92,3 +93,20 @@ def test_crossed_encoder_plugs_exchange_the_counts_and_make_no_jump() -> None:
     base.advance(1_500_000_000)
     assert base.ticks[0] - a > 1000
     assert base.ticks[3] == d
+
+
+@pytest.mark.parametrize("output", [0, 3000])
+def test_a_servo_takes_its_time_to_steer_and_a_base_without_one_turns_by_its_rims(
+    output: int,
+) -> None:
+    car = plant(drive="ackermann", wheel_base_m=0.25)
+    car.steer(0.0)
+    car.set_outputs((0, output, 0, output))
+    car.steer(35.0)
+    car.advance(50_000_000)
+    assert car.chassis.turn_per_m == pytest.approx(math.tan(math.radians(17.5)) / 0.25)
+    car.advance(300_000_000)
+    assert car.chassis.turn_per_m == pytest.approx(math.tan(math.radians(35.0)) / 0.25)
+    other = plant()
+    other.steer(35.0)
+    assert other.chassis.turn_per_m is None

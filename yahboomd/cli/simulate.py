@@ -8,6 +8,7 @@ import contextlib
 import signal
 from collections.abc import Iterable
 from pathlib import Path
+from typing import get_args
 
 import msgspec
 
@@ -64,7 +65,7 @@ exit status:
 ROBOT = (
     ("--wheel-radius", "M", "wheel_radius_m", "true radius of the wheels"),
     ("--wheel-separation", "M", "wheel_separation_m", "from the left wheels to the right ones"),
-    ("--wheel-base", "M", "wheel_base_m", "from axle to axle, for mecanum"),
+    ("--wheel-base", "M", "wheel_base_m", "from axle to axle, for mecanum and ackermann"),
     ("--sideways", "SHARE", "sideways", "way to the side per metre that mecanum wheels roll"),
     ("--lines", "N", "lines", "encoder lines of the motors"),
     ("--ratio", "X", "ratio", "their true gear ratio"),
@@ -144,10 +145,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     what.add_argument(
         "--drive",
-        choices=("differential", "skid_steer", "mecanum"),
+        choices=get_args(DriveName),
         default=robot.drive,
-        help="the geometry (default: %(default)s); differential: left on M1, right on M3; the "
-        "others: M1 to M4 as the vendor has them",
+        help="the geometry (default: %(default)s); differential: left on M1, right on M3; "
+        "ackermann: a car, rear wheels on M2 and M4, whose front wheels the board turns if it can "
+        "(docs/boards.md has an example); "
+        "the others: M1 to M4 as the vendor has them",
     )
     _add_fields(what, ROBOT, robot)
     what.add_argument(

@@ -7,7 +7,7 @@ motor), so that all drives integrate by the same formula.
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
+from typing import TypeAlias, assert_never
 
 from yahboomd.core.model import Pose2d, Twist2d
 from yahboomd.simulation.options import DriveName, Wiring
@@ -34,19 +34,28 @@ def shares(
 ) -> tuple[Share, ...]:
     """The share of each motor, in the order of the motors.
 
-    A side with several wheels moves as their mean. Mecanum is the least-squares inverse of
+    A side with several wheels moves as their mean; so do the rear wheels of a car whose board turns
+    no steering. Mecanum is the least-squares inverse of
     v = vx -+ vy -+ (half base + half track) wz, with the slip of its rollers to the side.
     """
-    if drive == "mecanum":
-        arm_m = (wheel_separation_m + wheel_base_m) / 2.0
-        return tuple(
-            (
-                0.25,
-                0.25 * sideways * _MECANUM[wire.corner][0],
-                0.25 * _MECANUM[wire.corner][1] / arm_m,
+    match drive:
+        case "mecanum":
+            arm_m = (wheel_separation_m + wheel_base_m) / 2.0
+            return tuple(
+                (
+                    0.25,
+                    0.25 * sideways * _MECANUM[wire.corner][0],
+                    0.25 * _MECANUM[wire.corner][1] / arm_m,
+                )
+                for wire in motors
             )
-            for wire in motors
-        )
+        case "differential" | "skid_steer" | "ackermann":
+            return _sides(motors, wheel_separation_m)
+        case _:
+            assert_never(drive)
+
+
+def _sides(motors: tuple[Wiring, ...], wheel_separation_m: float) -> tuple[Share, ...]:
     on_left = ["left" in wire.corner for wire in motors]
     count = {True: sum(on_left), False: len(motors) - sum(on_left)}
     return tuple(
@@ -60,10 +69,16 @@ def shares(
 
 
 class ChassisTruth:
-    """The pose of the base, moved by the rims."""
+    """The pose of the base, moved by the rims.
+
+    Attributes:
+        turn_per_m: Radians for each metre ahead, as steered front wheels force it, whatever the
+            difference of the rear wheels; None where only the rims turn the base.
+    """
 
     def __init__(self, parts: tuple[Share, ...]) -> None:
         self._parts = parts
+        self.turn_per_m: float | None = None
         self._x = 0.0
         self._y = 0.0
         self._theta = 0.0
@@ -80,6 +95,8 @@ class ChassisTruth:
             ahead += rim * part_ahead
             left += rim * part_left
             turn += rim * part_turn
+        if self.turn_per_m is not None:
+            turn = ahead * self.turn_per_m
         return ahead, left, turn
 
     def twist(self, speeds_m_s: list[float]) -> Twist2d:

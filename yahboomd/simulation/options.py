@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, assert_never
 
 import msgspec
 
 from yahboomd.core.errors import ConfigError
 from yahboomd.core.model import CHANNELS, Counts
 
-DriveName: TypeAlias = Literal["differential", "skid_steer", "mecanum"]
+DriveName: TypeAlias = Literal["differential", "skid_steer", "mecanum", "ackermann"]
 Corner: TypeAlias = Literal["left", "right", "front_left", "rear_left", "front_right", "rear_right"]
 StreamPace: TypeAlias = Literal["measured", "wire"]
 
@@ -61,10 +61,17 @@ FOUR_WHEELS: tuple[Wiring, ...] = (
 )
 """The vendor's robots with four wheels: M1 to M4."""
 
+REAR_WHEELS: tuple[Wiring, ...] = (
+    Wiring(name="left", position=2, corner="left"),
+    Wiring(name="right", position=4, corner="right"),
+)
+"""The vendor's car that steers: M2 and M4."""
+
 WIRINGS: dict[DriveName, tuple[Wiring, ...]] = {
     "differential": TWO_WHEELS,
     "skid_steer": FOUR_WHEELS,
     "mecanum": FOUR_WHEELS,
+    "ackermann": REAR_WHEELS,
 }
 
 
@@ -107,7 +114,7 @@ class SimulationOptions(msgspec.Struct, frozen=True, kw_only=True):
         ratio: The true gear ratio, which need not be whole.
         wheel_radius_m: The true radius of the wheels.
         wheel_separation_m: The true (effective) track.
-        wheel_base_m: Distance between the axles, for mecanum.
+        wheel_base_m: Distance between the axles, for mecanum and ackermann.
         sideways: The true way to the side for each metre that the wheels roll, for mecanum.
         max_speed_m_s: Rim speed at full output.
         motor_dead_zone: Output below which the motors do not turn, in PWM units.
@@ -215,11 +222,13 @@ def _wiring_mistakes(options: SimulationOptions) -> list[str]:
     if any({wire.command_sign, wire.encoder_sign} - {1, -1} for wire in options.motors):
         mistakes.append("signs are 1 or -1")
     corners = {wire.corner for wire in options.motors}
-    if options.drive == "mecanum":
-        if corners != {wire.corner for wire in FOUR_WHEELS}:
-            mistakes.append("mecanum needs a motor at each corner")
-    elif not any("left" in corner for corner in corners) or not any(
-        "right" in corner for corner in corners
-    ):
-        mistakes.append("a motor is needed on each side")
+    match options.drive:
+        case "mecanum":
+            if corners != {wire.corner for wire in FOUR_WHEELS}:
+                mistakes.append("mecanum needs a motor at each corner")
+        case "differential" | "skid_steer" | "ackermann":
+            if not all(any(side in corner for corner in corners) for side in ("left", "right")):
+                mistakes.append("a motor is needed on each side")
+        case _:
+            assert_never(options.drive)
     return mistakes

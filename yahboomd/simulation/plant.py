@@ -13,6 +13,9 @@ from yahboomd.simulation.options import SimulationOptions, Wiring
 STEP_NS = 1_000_000
 """Longest step of the integration: far below every time constant of the motors."""
 
+SERVO_DEG_S = 350.0
+"""How fast a servo turns the front wheels: 60 degrees in 0.17 s, as such servos are sold."""
+
 SAG_V = 0.15
 """The drop of the battery's voltage for one motor at full output."""
 
@@ -33,6 +36,8 @@ class Plant:
                 sideways=options.sideways,
             )
         )
+        self._axles_m = options.wheel_base_m if options.drive == "ackermann" else None
+        self._steered_deg = self._steer_to_deg = 0.0
         self._by_position: list[MotorState | None] = [None] * CHANNELS
         for wire, motor in zip(self.wiring, self.motors, strict=True):
             self._by_position[wire.position - 1] = motor
@@ -75,6 +80,21 @@ class Plant:
         )
         return first, second, third, fourth
 
+    def steer(self, angle_deg: float) -> None:
+        """Have the servo turn the front wheels of a car that steers there, + left.
+
+        A base that has none keeps turning by its rims.
+        """
+        self._steer_to_deg = angle_deg
+        if self.chassis.turn_per_m is None:
+            self._turn_servo(math.inf)
+
+    def _turn_servo(self, dt_s: float) -> None:
+        if self._axles_m is not None:
+            most = SERVO_DEG_S * dt_s
+            self._steered_deg += max(-most, min(most, self._steer_to_deg - self._steered_deg))
+            self.chassis.turn_per_m = math.tan(math.radians(self._steered_deg)) / self._axles_m
+
     def cross_encoders(self, one: int, other: int) -> None:
         """Exchange what is plugged in for the encoders of two positions, 1 to 4."""
         before = self.ticks
@@ -99,10 +119,13 @@ class Plant:
             return
         self._now_ns = now_ns
         if all(motor.at_rest for motor in self.motors):
+            self._turn_servo(elapsed_ns / 1e9)
             return
         steps = -(-elapsed_ns // STEP_NS)
         dt_s = elapsed_ns / steps / 1e9
         for _ in range(steps):
+            if self._steered_deg != self._steer_to_deg:
+                self._turn_servo(dt_s)
             self.chassis.advance([motor.advance(dt_s) for motor in self.motors])
 
 

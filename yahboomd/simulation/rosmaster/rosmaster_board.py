@@ -80,8 +80,10 @@ class RosmasterBoard:
     ) -> None:
         self.emit = emit
         flash = options.flash
-        self.flash = flash if isinstance(flash, RosmasterStored) else RosmasterStored()
+        sold_as = RosmasterStored(car_type=5 if options.drive == "ackermann" else 1)
+        self.flash = flash if isinstance(flash, RosmasterStored) else sold_as
         self.steering_deg = 0
+        plant.steer(0.0)
         self._plant = plant
         self._control = MotorControl(plant, options.initial_ticks, options.loop_gain)
         self._firmware = options.firmware or FIRMWARE
@@ -318,6 +320,8 @@ class RosmasterBoard:
             self._brake(now_ns)
             return
         speeds, self.steering_deg = self._car.wheels(vx, vy, wz)
+        self._plant.advance(now_ns)
+        self._plant.steer(self.steering_deg)
         if self._car.axles_mm and vx == 0:
             self._brake(now_ns)
         else:

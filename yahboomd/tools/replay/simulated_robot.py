@@ -28,8 +28,7 @@ def as_configured(config: Config, base: SimulationOptions | None = None) -> Simu
     return msgspec.structs.replace(
         base,
         dialect=dialect,
-        # The rear wheels of a car that steers roll like those of any two-wheeled base.
-        drive=cast(DriveName, "differential" if kinematics.least_radius_m else kinematics.name),
+        drive=cast(DriveName, kinematics.name),
         wiring=tuple(
             Wiring(
                 name=motor.name,
