@@ -7,42 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from made_calibrations import calibration, loaded
 
 from yahboomd.core.config import read
-from yahboomd.core.config.calibration_file import (
-    Calibration,
-    Multipliers,
-    check_writable,
-    geometry_of,
-    read_calibration,
-    undo_calibration,
-    write_calibration,
-)
+from yahboomd.core.config.calibration_file import Multipliers
 from yahboomd.core.config.models import Config, calibration_path
-from yahboomd.core.errors import ConfigError
-
-
-def calibration(track: float = 1.05, config: Config | None = None) -> Calibration:
-    radii = {"left": 1.01, "right": 1.02}
-    return Calibration(
-        made="2026-05-04 10:00 UTC",
-        method="tape",
-        residual="1.1 times what slip and tape explain, 3 runs",
-        geometry=geometry_of(config or Config()),
-        chassis=Multipliers(wheel_radius_multiplier=radii, wheel_separation_multiplier=track),
-        before=Multipliers(
-            wheel_radius_multiplier={"left": 1.0, "right": 1.0}, wheel_separation_multiplier=1.0
-        ),
-    )
-
-
-def loaded(state: Path, *overrides: str, **environ: str):
-    return read(
-        None,
-        environ={"STATE_DIRECTORY": str(state), **environ},
-        overrides=overrides,
-        standard_path=state / "none.toml",
-    )
+from yahboomd.tools.calibrate.calibration_writing import write_calibration
 
 
 def test_it_goes_over_the_file_and_under_environment_and_set(tmp_path: Path) -> None:
@@ -82,43 +52,6 @@ def test_a_damaged_file_is_ignored_with_a_warning(tmp_path: Path, text: str) -> 
     assert found.config == read(None, environ={}, standard_path=tmp_path / "none").config
     (warning,) = found.warnings
     assert warning.startswith(f"{tmp_path / 'calibration.toml'} is no calibration:")
-
-
-def test_undo_brings_back_the_one_before_and_then_none(tmp_path: Path) -> None:
-    path = tmp_path / "calibration.toml"
-    write_calibration(path, calibration(1.05))
-    write_calibration(path, calibration(1.07))
-    assert loaded(tmp_path).config.chassis.wheel_separation_multiplier == 1.07
-    assert undo_calibration(path)
-    assert loaded(tmp_path).config.chassis.wheel_separation_multiplier == 1.05
-    assert undo_calibration(path)
-    assert loaded(tmp_path).config.chassis.wheel_separation_multiplier == 1.0
-    assert not undo_calibration(path)
-
-
-@pytest.mark.parametrize("before", [True, False])
-def test_undo_removes_no_file_that_is_no_calibration(tmp_path: Path, *, before: bool) -> None:
-    path = tmp_path / "config.toml"
-    for text in ("x = " + "[" * 5000, "[serial]\n"):
-        path.write_text(text)
-        with pytest.raises(ConfigError, match="is no calibration"):
-            read_calibration(path)
-    if before:
-        write_calibration(tmp_path / "calibration.toml", calibration(1.05))
-        write_calibration(tmp_path / "calibration.toml", calibration(1.07))
-    with pytest.raises(ConfigError, match=r"is no calibration.* `rm .*config.toml`"):
-        undo_calibration(path)
-    assert path.read_text() == "[serial]\n"
-
-
-def test_a_folder_that_cannot_be_written_is_named_with_what_to_do(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(ConfigError, match="cannot be written") as refused:
-        write_calibration(tmp_path / "file" / "calibration.toml", calibration())
-    assert "chassis.calibration_file=" in str(refused.value)
-    with pytest.raises(ConfigError, match="cannot be written"):
-        check_writable(tmp_path / "file" / "calibration.toml")
-    check_writable(tmp_path / "not" / "there" / "yet" / "calibration.toml")
 
 
 @pytest.mark.parametrize(

@@ -196,8 +196,8 @@ def _run(args: argparse.Namespace) -> int:
     import msgspec
 
     from yahboomd.cli.attended import attend
-    from yahboomd.core.config.calibration_file import check_writable
     from yahboomd.core.daemon.process import deadly
+    from yahboomd.tools.calibrate.calibration_writing import check_writable
     from yahboomd.tools.calibrate.wizard import RunOptions, calibrate
 
     check_source(args)
@@ -256,7 +256,7 @@ async def _ended(robot: AsyncRobot, *, drove: bool) -> str:
 
 
 def _undo(loaded: Loaded) -> int:
-    from yahboomd.core.config.calibration_file import undo_calibration
+    from yahboomd.tools.calibrate.calibration_writing import undo_calibration
 
     path = loaded.calibration_path
     if path is None or not undo_calibration(path):

@@ -42,7 +42,7 @@ def conclude(
         Refused: The result cannot be trusted; nothing was written.
         ConfigError: The file cannot be written.
     """
-    from yahboomd.core.config.calibration_file import write_calibration
+    from yahboomd.tools.calibrate.calibration_writing import write_calibration
     from yahboomd.tools.stop.unresponsive import restarting
 
     count = len(runs) + len(sideways_runs)

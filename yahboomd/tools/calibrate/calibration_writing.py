@@ -1,0 +1,102 @@
+"""Writes the calibration file, and takes it back: the daemon only reads it."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from contextlib import suppress
+from pathlib import Path
+
+from yahboomd.core.config.calibration_file import Calibration, read_calibration
+from yahboomd.core.config.models import CALIBRATION
+from yahboomd.core.config.values import inline
+from yahboomd.core.errors import ConfigError
+
+PREVIOUS = "calibration.previous.toml"
+
+
+def write_calibration(path: Path, calibration: Calibration) -> None:
+    """Write it whole or not at all; the one before is kept for :func:`undo_calibration`.
+
+    Raises:
+        ConfigError: The folder cannot be written to.
+    """
+    lines = [
+        "# Written by `yahboomd calibrate`, and read over config.toml. `yahboomd calibrate undo`",
+        "# takes it back; removing this file does too.",
+    ]
+    for key, value in calibration.as_data().items():
+        if isinstance(value, dict):
+            lines += ["", f"[{key}]", *(f"{name} = {inline(each)}" for name, each in value.items())]
+        else:
+            lines.append(f"{key} = {inline(value)}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(
+            "w", dir=path.parent, prefix=f".{CALIBRATION}.", delete=False, encoding="utf-8"
+        ) as file:
+            try:
+                file.write("\n".join(lines) + "\n")
+                file.flush()
+                os.fsync(file.fileno())
+                # The daemon's user reads it too.
+                os.fchmod(file.fileno(), 0o644)
+                with suppress(FileNotFoundError):
+                    path.replace(path.with_name(PREVIOUS))
+                os.replace(file.name, path)
+            except BaseException:
+                os.unlink(file.name)
+                raise
+    except OSError as error:
+        raise _unwritable(path, error.strerror) from error
+
+
+def check_writable(path: Path) -> None:
+    """Raise where the file could not be written: a person is spared to measure for nothing.
+
+    Raises:
+        ConfigError: The folder cannot be written to, or made.
+    """
+    folder = path.parent
+    while not folder.exists() and folder != folder.parent:
+        folder = folder.parent
+    if not (folder.is_dir() and os.access(folder, os.W_OK | os.X_OK)):
+        raise _unwritable(path, f"no permission for {folder}")
+
+
+def undo_calibration(path: Path) -> bool:
+    """Take the newest calibration back: the one before it counts again, if there was one.
+
+    Returns:
+        Whether there was anything to take back.
+
+    Raises:
+        ConfigError: The folder cannot be written to, or the file is no calibration.
+    """
+    if os.path.lexists(path):
+        # A name that was mistyped must not cost another file.
+        try:
+            read_calibration(path)
+        except ConfigError as error:
+            words = f"If it is a calibration that was damaged: `rm {path}`, then undo again."
+            raise ConfigError(str(error), remedy=words) from error
+    try:
+        path.with_name(PREVIOUS).replace(path)
+    except FileNotFoundError:
+        try:
+            path.unlink()
+        except FileNotFoundError:
+            return False
+        except OSError as error:
+            raise _unwritable(path, error.strerror) from error
+    except OSError as error:
+        raise _unwritable(path, error.strerror) from error
+    return True
+
+
+def _unwritable(path: Path, why: str | None) -> ConfigError:
+    return ConfigError(
+        f"{path} cannot be written: {why}.",
+        remedy="Run the same command with sudo, or name another file: "
+        "`--set chassis.calibration_file=/path/to/calibration.toml`.",
+    )
