@@ -173,14 +173,62 @@ def test_the_pages_tokens_are_for_its_own_user_and_it_listens_on_loopback() -> N
     assert unit_keys["Environment"] == ['"WEB_OPTIONS=--listen 127.0.0.1:8480"']
 
 
-def test_both_ids_of_the_chip_are_known_to_the_rule() -> None:
-    from yahboomd.core.link.discovery import CH340_IDS, UDEV_NAME
+def rules() -> list[str]:
+    """The lines of the udev rule, each whole."""
+    text = (SYSTEMD / "95-yahboomd.rules").read_text().replace("\\\n", " ")
+    return [line for line in text.splitlines() if line and line[0] != "#"]
 
-    text = (SYSTEMD / "95-yahboomd.rules").read_text()
-    for vendor, product in CH340_IDS:
-        assert f'=="{vendor:04x}"' in text
-        assert f"{product:04x}" in text
-    assert f'SYMLINK+="{UDEV_NAME.removeprefix("/dev/")}"' in text
+
+def usb_ids_of(line: str) -> set[str]:
+    """The USB ids that a line of the rule is for."""
+    vendor = re.search(r'ATTRS\{idVendor\}=="([0-9a-f]{4})"', line)
+    products = re.search(r'ATTRS\{idProduct\}=="([0-9a-f|]+)"', line)
+    assert vendor, line
+    assert products, line
+    return {f"{vendor[1]}:{product}" for product in products[1].split("|")}
+
+
+@pytest.mark.parametrize(
+    "effect", ['SYMLINK+="yahboom_driver"', 'ENV{ID_MM_DEVICE_IGNORE}="1"', 'ENV{SYSTEMD_WANTS}=""']
+)
+def test_the_rule_is_for_the_usb_ids_of_the_dialects_and_no_others(effect: str) -> None:
+    from yahboomd.core.link.discovery import UDEV_NAME
+    from yahboomd.core.protocol.registry import usb_ids
+
+    assert UDEV_NAME == "/dev/yahboom_driver"
+    lines = [line for line in rules() if effect in line]
+    assert lines
+    for line in lines:
+        assert usb_ids_of(line) == set(usb_ids())
+
+
+def test_of_several_the_likeliest_usb_id_has_the_name() -> None:
+    from yahboomd.core.protocol.registry import usb_ids
+
+    (line,) = (line for line in rules() if "link_priority" in line)
+    assert usb_ids_of(line) == {usb_ids()[0]}
+    # One without a priority has 0.
+    found = re.search(r'OPTIONS\+="link_priority=(\d+)"', line)
+    assert found
+    assert int(found[1]) > 0
+
+
+needs_udevadm = pytest.mark.skipif(
+    shutil.which("udevadm") is None, reason="this machine has no udevadm"
+)
+
+
+@needs_udevadm
+def test_udev_finds_nothing_to_say_about_the_rule() -> None:
+    ran = subprocess.run(
+        ["udevadm", "verify", str(SYSTEMD / "95-yahboomd.rules")],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if "verify" in ran.stderr and ran.returncode != 0 and "nknown command" in ran.stderr:
+        pytest.skip("this udevadm verifies nothing (that came with systemd 254)")
+    assert ran.returncode == 0, ran.stdout + ran.stderr
 
 
 def test_the_device_that_wants_the_service_is_the_one_that_the_rule_names() -> None:

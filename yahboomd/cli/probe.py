@@ -39,6 +39,7 @@ from yahboomd.tools.probe import probe_report, probe_text
 from yahboomd.tools.probe.probe_report import Report, StoredValue
 from yahboomd.tools.probe.probe_write import Printed, agreed, stored_value
 from yahboomd.tools.stop import diagnosis, stop_local
+from yahboomd.tools.stop.port_search import find_port, on_board
 from yahboomd.tools.stop.unresponsive import true_names
 
 FOUND_WANTING = 1
@@ -118,7 +119,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _list(*, as_json: bool) -> int:
-    found = (*discovery.candidates(), *discovery.on_board())
+    found = (*discovery.candidates(), *on_board())
     if as_json:
         print(_json(Report(ports=found)))
     else:
@@ -138,7 +139,7 @@ def _probe(args: argparse.Namespace) -> int:
     check_storable(want)
     port = ""
     try:
-        port = discovery.choose(config.serial.port, discovery.candidates())
+        port = find_port(config)
         report = _examine(port, config, want, reopening=not args.write)
     except (PortBusy, PortMissing, ConfigError) as error:
         # If a named port does not exist, no daemon has it.

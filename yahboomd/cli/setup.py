@@ -91,11 +91,11 @@ def run(args: argparse.Namespace) -> int:
     from yahboomd.cli.attended import until_signal
     from yahboomd.core.clock import SystemClock
     from yahboomd.core.daemon.process import deadly
-    from yahboomd.core.link import discovery
     from yahboomd.tools.port.own_port import opener_of, with_hints
     from yahboomd.tools.setup.outcome import next_steps, result
     from yahboomd.tools.setup.robot_file import as_toml, write_robot
     from yahboomd.tools.setup.setup_wizard import Wizard
+    from yahboomd.tools.stop.port_search import find_port
     from yahboomd.tools.terminal.terminal_questions import Terminal
 
     config = read_config(args).config
@@ -123,7 +123,7 @@ def run(args: argparse.Namespace) -> int:
         return 0
 
     try:
-        port = discovery.choose(config.serial.port, discovery.candidates())
+        port = find_port(config)
         return asyncio.run(until_signal(work(), (*deadly(), signal.SIGTSTP)))
     except LinkError as error:
         raise with_hints(error, port) from error

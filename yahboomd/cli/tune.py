@@ -113,14 +113,14 @@ def run(args: argparse.Namespace) -> int:
     loaded = read_config(args)
     config = loaded.config
     from yahboomd.core.clock import SystemClock
-    from yahboomd.core.link import discovery
     from yahboomd.tools.port.own_port import opener_of, refuse_estop, with_hints
+    from yahboomd.tools.stop.port_search import find_port
     from yahboomd.tools.tune.saved import saved_path
 
     place = saved_path(config, os.environ, args.config)
     port = ""
     try:
-        port = discovery.choose(config.serial.port, discovery.candidates())
+        port = find_port(config)
         refuse_estop(port, config, os.environ)
         clock = SystemClock()
         tuning = TuneCommand(args, config, port, place)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 import threading
 from collections.abc import Callable, Mapping
@@ -27,7 +28,7 @@ from yahboomd.core.drive.arbiter import Arbiter
 from yahboomd.core.drive.standing import STANDING_M_S
 from yahboomd.core.link import port_note
 from yahboomd.core.link.connected_board import Listener
-from yahboomd.core.link.discovery import candidates, choose
+from yahboomd.core.link.discovery import candidates, find
 from yahboomd.core.link.port import Opener, Port, PortOptions, open_port
 from yahboomd.core.link.port_identity import identify
 from yahboomd.core.link.session import Session, SessionOptions
@@ -35,6 +36,8 @@ from yahboomd.core.link.tap import NO_TAP, Tap
 from yahboomd.core.odometry.heading import CALIBRATED
 from yahboomd.core.odometry.odometer import Odometer
 from yahboomd.core.program import release_command
+
+log = logging.getLogger(__name__)
 
 LONGEST_PERIOD_S = 0.1
 """Steps also repeat stops, cut what does not obey them, and notice that no counts come."""
@@ -140,17 +143,27 @@ def opener(
     """
     serial = config.serial
     noting: threading.Thread | None = None
+    said = ""
 
-    async def open_it() -> Port:
-        nonlocal noting
-        path = choose(serial.port, candidates() if not serial.port else ())
-        options = PortOptions(
+    def options_of(path: str) -> PortOptions:
+        return PortOptions(
             path=path,
             baudrate=serial.baudrate,
             dtr=serial.dtr,
             rts=serial.rts,
             hangup_on_close=serial.hangup_on_close,
         )
+
+    async def open_it() -> Port:
+        nonlocal noting, said
+        found = candidates() if not serial.port else ()
+        path, words = await find(
+            serial.port, found, lambda each: open_port(options_of(each), clock), clock
+        )
+        if words not in {"", said}:
+            said = words
+            log.info("%s", words)
+        options = options_of(path)
         port = await open_port(options, clock)
         if environ is not None and (noting is None or not noting.is_alive()):
             # A disk that hangs holds up no stop, and one thread at most.

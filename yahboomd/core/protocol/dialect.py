@@ -265,6 +265,9 @@ class Dialect(msgspec.Struct, frozen=True, kw_only=True):
 
     # Who is there?
 
+    usb_ids: tuple[str, ...] = ()
+    """Vendor and product of its USB chip, as lsusb shows them, the likeliest first."""
+
     listen_ns: int = 0
     """How long to wait for a board that reports unasked before asking any; 0: not at all."""
 

@@ -38,6 +38,11 @@ def connect_spacing_ns() -> int:
     return max(dialect.spacing_ns for dialect in DIALECTS.values())
 
 
+def usb_ids() -> tuple[str, ...]:
+    """The USB ids of all boards, in the order in which several ports are asked."""
+    return tuple(dict.fromkeys(usb for each in DIALECTS.values() for usb in each.usb_ids))
+
+
 def identify(heard: Iterable[tuple[str, Item]]) -> str | None:
     """Identify the dialect of a board by what it has sent.
 

@@ -12,10 +12,11 @@ from yahboomd.core.config import Config
 from yahboomd.core.daemon.estop.latch_file import LatchFile, engaged_in
 from yahboomd.core.errors import LinkError, PortBusy, PortLost, Refused, YahboomdError
 from yahboomd.core.link import discovery
-from yahboomd.core.link.port import Opener, Port, PortOptions, open_port
+from yahboomd.core.link.port import Opener, Port, open_port
 from yahboomd.core.link.port_errors import holders
 from yahboomd.core.model import NS_PER_S
 from yahboomd.tools.stop import diagnosis
+from yahboomd.tools.stop.port_search import port_options
 from yahboomd.tools.stop.stop_local import folders
 from yahboomd.tools.stop.stop_port import pids
 from yahboomd.tools.stop.unresponsive import FROZEN, is_guard, process_state, true_names
@@ -29,14 +30,7 @@ def opener_of(port: str, config: Config, clock: Clock) -> Opener:
 
     It waits for the guard of a killed `setup` or `tune`, which stops the wheels.
     """
-    serial = config.serial
-    options = PortOptions(
-        path=port,
-        baudrate=serial.baudrate,
-        dtr=serial.dtr,
-        rts=serial.rts,
-        hangup_on_close=serial.hangup_on_close,
-    )
+    options = port_options(port, config)
 
     async def open_it() -> Port:
         end_ns = clock.now_ns() + GUARD_ENDS_WITHIN_NS

@@ -118,7 +118,11 @@ def listing(found: Sequence[Candidate], udev_name: str, target: str) -> list[str
         target: The device that this name links to; empty if it does not exist.
     """
     rows = [
-        (each.path, "CH340, as the board has it" if each.is_ch340 else each.description, name)
+        (
+            each.path,
+            f"CH340 {each.usb}, as the board has it" if each.is_ch340 else each.description,
+            name,
+        )
         for each in found
         for name in (udev_name if each.path == target else each.by_path or "",)
     ]

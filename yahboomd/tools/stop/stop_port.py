@@ -142,14 +142,15 @@ def port_of(port: str | None, config: Config | None) -> str:
 
     Raises:
         LinkError: There is none.
-        ConfigError: Several ports could be the board's.
+        ConfigError: Boards answer on several.
     """
     path = port or (config.serial.port if config is not None else "")
     if path:
         return path
-    from yahboomd.core.link.discovery import candidates, choose
+    from yahboomd.core.config import Config
+    from yahboomd.tools.stop.port_search import find_port
 
-    return choose("", candidates())
+    return find_port(config or Config())
 
 
 def seize_port(
@@ -169,7 +170,7 @@ def seize_port(
 
     Raises:
         LinkError: It cannot be opened.
-        ConfigError: Several ports could be the board's.
+        ConfigError: No port is named, and boards answer on several.
     """
     path = port_of(port, config)
     options: dict[str, Any] = {}

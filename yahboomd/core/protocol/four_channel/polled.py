@@ -20,6 +20,7 @@ from yahboomd.core.protocol.four_channel.stored import (
     MAILBOX_NS,
     MAX_M_S,
     TITLE,
+    USB_IDS,
     motion,
 )
 from yahboomd.core.protocol.four_channel.texts import Meanings, decode_item
@@ -47,6 +48,7 @@ class Polled(Dialect, frozen=True, kw_only=True):
     question_spacing_ns: int = MAILBOX_NS
     answer_spacing_ns: int = AFTER_ANSWER_NS
     baudrate: int = BAUDRATE
+    usb_ids: tuple[str, ...] = USB_IDS
     fastest_m_s: float = MAX_M_S
     brake: bytes = _BRAKE
     probe: bytes | None = b"$read#"

@@ -25,6 +25,7 @@ from yahboomd.core.protocol.settings import (
 TITLE: Final = "Yahboom 4-channel motor driver"
 
 BAUDRATE: Final = 115_200
+USB_IDS: Final = ("1a86:7523", "1a86:7522")
 
 MAX_M_S: Final = 1.0
 """Both dialects take speeds up to 1000, about mm/s."""

@@ -36,6 +36,7 @@ from yahboomd.core.protocol.four_channel.stored import (
     MAX_M_S,
     TABLE,
     TITLE,
+    USB_IDS,
     findings,
     motion,
 )
@@ -89,6 +90,7 @@ class Streamed(Dialect, frozen=True, kw_only=True):
     question_spacing_ns: int = MAILBOX_NS
     answer_spacing_ns: int = AFTER_ANSWER_NS
     baudrate: int = BAUDRATE
+    usb_ids: tuple[str, ...] = USB_IDS
     fastest_m_s: float = MAX_M_S
     loop_ns: int = 10_000_000
     most_output: int = MAX_PWM

@@ -55,6 +55,8 @@ class Rosmaster(Dialect, frozen=True, kw_only=True):
     name: str = "rosmaster"
     title: str = "Yahboom Rosmaster expansion board"
     baudrate: int = 115_200
+    # Not 1a86:7522: that is the voice module of the same car.
+    usb_ids: tuple[str, ...] = ("1a86:7523",)
     resync: bytes = RESYNC
     listen_ns: int = 100_000_000
     starts_within_s: float = 12.0
