@@ -133,6 +133,7 @@ def test_the_page_lists_all_that_a_board_takes_and_every_board_has_it() -> None:
         taken |= set(places)
     rows = {"core/protocol/registry.py", "core/protocol/first_words.py", "simulation/boards.py"}
     rows |= {"core/messages/status_fields.py", "core/protocol/profiles.py"}
+    rows |= {"systemd/95-yahboomd.rules", "packaging/postinst"}
     tests = {"tests/plugins/fault_bench.py", "tests/plugins/binary_dialect.py"}
     assert listed == taken | rows | tests | {"docs/protocol.md"}
 

@@ -213,6 +213,14 @@ def test_of_several_the_likeliest_usb_id_has_the_name() -> None:
     assert int(found[1]) > 0
 
 
+def test_a_board_that_is_plugged_in_gets_its_name_when_the_package_is_installed() -> None:
+    from yahboomd.core.protocol.registry import usb_ids
+
+    script = (SYSTEMD.parent / "packaging/postinst").read_text()
+    triggered = set(re.findall(r"--attr-match=idVendor=(\w+)", script))
+    assert triggered == {usb.partition(":")[0] for usb in usb_ids()}
+
+
 needs_udevadm = pytest.mark.skipif(
     shutil.which("udevadm") is None, reason="this machine has no udevadm"
 )

@@ -291,11 +291,15 @@ def _start(system: System, unit: str, files: list[PlannedFile]) -> int:
         system.ran("systemd-sysusers", str(system.root / "etc/sysusers.d/yahboomd.conf"))
         and system.ran("systemctl", "daemon-reload")
     )
+    from yahboomd.core.protocol.registry import usb_ids
+
     # A container has no udev.
     if UDEV.exists() and not system.packaged:
         system.ran("udevadm", "control", "--reload")
         # Gives a board that is already plugged in its name.
-        system.ran("udevadm", "trigger", "--subsystem-match=usb", "--attr-match=idVendor=1a86")
+        for vendor in dict.fromkeys(usb[:4] for usb in usb_ids()):
+            match = f"--attr-match=idVendor={vendor}"
+            system.ran("udevadm", "trigger", "--subsystem-match=usb", match)
         system.ran("udevadm", "trigger", "--subsystem-match=tty")
     changed = any(file.fate in {"new", "changed"} for file in files)
     started = system.ran("systemctl", "enable", unit) and system.ran(

@@ -32,10 +32,10 @@ class Serial(Section):
 
     port: AnyPath = key(
         default="",
-        description="Device of the board, such as /dev/ttyUSB0. Empty: /dev/yahboom_driver, else "
-        "the only CH340 (1a86:7522, 1a86:7523) on USB; with none or several, they are listed and "
-        "nothing is opened. Not a pseudo-terminal of a relay (socat, ser2net): where that sends "
-        "slowly, stops come seconds late.",
+        description="Device of the board, such as /dev/ttyUSB0. Empty: the only CH340 (1a86:7523, "
+        "1a86:7522) on USB, or /dev/yahboom_driver; of several the one that is heard, else the "
+        "one that answers, 1a86:7523 asked first; two boards are refused. Not a pseudo-terminal "
+        "of a relay (socat, ser2net): where that sends slowly, stops come seconds late.",
     )
     baudrate: int = key(
         default=115200,
