@@ -97,7 +97,7 @@ def test_the_likelier_chip_comes_first_and_others_last(monkeypatch: pytest.Monke
 
 
 class VoiceModule:
-    """Another device with a board's chip: it says a word now and then, and takes what comes."""
+    """A device with a board's chip: it reports words as old and new ones do, and takes bytes."""
 
     name = "/dev/voice"
     byte_ns = byte_time_ns(115200)
@@ -107,7 +107,7 @@ class VoiceModule:
         self.written = b""
 
     def listen(self, on_data, on_lost) -> None:
-        asyncio.get_running_loop().call_later(0.05, on_data, b"\xaa\x55\x03\x00\xfb")
+        asyncio.get_running_loop().call_later(0.05, on_data, b"\xaa\x55\x03\x00\xfb$B001#")
 
     def write(self, data: bytes) -> None:
         self.written += data
@@ -212,9 +212,15 @@ async def test_two_boards_are_refused_with_lines_to_paste() -> None:
 
 
 @on_virtual_time
-async def test_where_none_is_a_board_each_is_named() -> None:
+async def test_where_none_is_a_board_each_is_named_and_no_voice_module_is_commanded() -> None:
+    one, two = VoiceModule(), VoiceModule()
     with pytest.raises(BoardSilent, match=r"one \(1a86:7523\) does not.*two \(1a86:7522\) does"):
-        await Desk(one=(LIKELY, VoiceModule()), two=(UNLIKELY, VoiceModule())).find()
+        await Desk(one=(LIKELY, one), two=(UNLIKELY, two)).find()
+    # The commands of an older module are $A001#, those of a newer one AA 55 FF 01 FB.
+    for module in (one, two):
+        assert b"$read_flash#" in module.written
+        assert b"$A" not in module.written
+        assert b"\xaa\x55" not in module.written
 
 
 @on_virtual_time

@@ -17,7 +17,17 @@ PYTHON = "/opt/yahboomd/bin/python3"
 RULE = Path("/usr/lib/udev/rules.d/95-yahboomd.rules")
 NAME = Path("/dev/yahboom_driver")
 BY_PATH = Path("/dev/serial/by-path")
+HEARD = Path("/run/heard")
 PATIENCE_S = 60.0
+
+VOICE = f"""
+import os, pty, tty
+master, slave = pty.openpty()
+tty.setraw(slave)
+os.symlink(os.ttyname(slave), "/run/board2")
+while data := os.read(master, 100):
+    open("{HEARD}", "ab").write(data)
+"""
 
 
 def sh(words: str) -> str:
@@ -55,6 +65,14 @@ def board(number: int) -> None:
     # An emulated PC is slow, and a polled board sends little by itself.
     sh(f"systemd-run --unit=board{number} yahboomd simulate --dialect polled --link {path}")
     while not path.exists():
+        time.sleep(0.1)
+
+
+def voice_module() -> None:
+    """A device that says nothing and keeps what it is sent, as number 2."""
+    HEARD.touch()
+    subprocess.Popen([PYTHON, "-c", VOICE])
+    while not os.path.lexists("/run/board2"):
         time.sleep(0.1)
 
 
@@ -121,6 +139,29 @@ def main() -> None:
     claim("the name goes with the board", lambda: not NAME.exists())
     plug(1)
     claim("a stopped service starts at plug-in", lambda: says("yahboomd", "standing"))
+
+    named = NAME.resolve()
+    voice_module()
+    plug(2, "7522")
+    claim("a voice module of 1a86:7522 is there, too", lambda: len(sockets()) == 2)
+    sh("udevadm settle")
+    claim("though it came last, the board has the name", lambda: NAME.resolve() == named)
+    (module,) = {each.resolve() for each in sockets()} - {named}
+    properties = sh(f"udevadm info {module}")
+    claim("ModemManager leaves it alone as well", lambda: "ID_MM_PORT_IGNORE=1" in properties)
+    sh("systemctl restart yahboomd")
+    claim("with both there, the board is found", lambda: says("yahboomd", "standing"))
+    said = f"{module} (1a86:7522) was not asked; "
+    said_too = f"{module} (1a86:7522) was not asked."
+    log = sh("journalctl -u yahboomd -o cat")
+    claim("the log names the voice module", lambda: said in log or said_too in log)
+    claim("which was sent nothing", lambda: HEARD.read_bytes() == b"")
+    unplug(1)
+    claim("without the board, the name is the module's", lambda: NAME.resolve() == module)
+    plug(1)
+    claim("and the board's again", lambda: NAME.exists() and NAME.resolve() != module)
+    claim("which the service drives", lambda: says("yahboomd", "standing"))
+    unplug(2)
 
     first = sockets()
     plug(0)
