@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
+import logging
 import os
 import threading
+import tty
 from pathlib import Path
 from urllib.parse import quote
 
@@ -15,6 +18,7 @@ from yahboomd.core.daemon import assembly
 from yahboomd.core.daemon.estop.latch_file import LatchFile
 from yahboomd.core.errors import PortMissing
 from yahboomd.core.link import port_note
+from yahboomd.core.link.discovery import Candidate
 from yahboomd.core.link.port_identity import identify
 from yahboomd.core.link.port_note import PortNote
 from yahboomd.simulation.virtual_time import on_virtual_time
@@ -80,6 +84,44 @@ async def test_a_missing_port_is_found_missing_at_each_attempt() -> None:
     for _ in range(2):
         with pytest.raises(PortMissing, match="/dev/not-there"):
             await open_it()
+
+
+@pytest.mark.realtime
+async def test_of_two_ports_the_daemon_opens_the_boards_and_logs_the_other_once(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    board, other = os.openpty(), os.openpty()
+    for _, slave in (board, other):
+        tty.setraw(slave)
+    names = [os.ttyname(slave) for _, slave in (board, other)]
+    found = tuple(
+        Candidate(path=path, description="", usb="1a86:7523", is_ch340=True, by_path=None)
+        for path in names
+    )
+    monkeypatch.setattr(assembly, "candidates", lambda: found)
+    open_it = assembly.opener(config(), SystemClock())
+    loop = asyncio.get_running_loop()
+
+    def report() -> None:
+        nonlocal timer
+        os.write(board[0], bytes.fromhex("fffb0a0ac8000000f4017849"))
+        timer = loop.call_later(0.02, report)
+
+    timer = loop.call_soon(report)
+    with caplog.at_level(logging.INFO):
+        for _ in range(2):
+            port = await open_it()
+            assert port.name == names[0]
+            port.close()
+    timer.cancel()
+    os.set_blocking(other[0], False)
+    with pytest.raises(BlockingIOError):
+        os.read(other[0], 1)
+    for each in (*board, *other):
+        os.close(each)
+    said = [each.message for each in caplog.records if "could be the board" in each.message]
+    assert len(said) == 1
+    assert f"{names[1]} (1a86:7523) was not asked" in said[0]
 
 
 async def test_how_the_port_was_opened_is_noted_for_the_stop_after_a_kill(tmp_path: Path) -> None:
