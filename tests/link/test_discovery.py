@@ -6,6 +6,7 @@ import asyncio
 from pathlib import Path
 
 import pytest
+from binary_dialect import registered
 from board_bench import BoardPort, LinkBench
 from serial.tools import list_ports
 from serial.tools.list_ports_common import ListPortInfo
@@ -49,12 +50,15 @@ def test_no_board_names_the_ports_that_are_there() -> None:
         choose("", [other("/dev/ttyACM0")], udev_name=NOWHERE)
 
 
-def usb_device(sysfs: Path, *, driver: str | None = None, tty: bool = False) -> None:
+def usb_device(
+    sysfs: Path, *, driver: str | None = None, tty: bool = False, usb: str = UNLIKELY
+) -> None:
+    vendor, product = usb.split(":")
     folder = sysfs / "1-2"
     interface = folder / "1-2:1.0"
     interface.mkdir(parents=True)
-    (folder / "idVendor").write_text("1a86\n")
-    (folder / "idProduct").write_text("7522\n")
+    (folder / "idVendor").write_text(f"{vendor}\n")
+    (folder / "idProduct").write_text(f"{product}\n")
     if driver:
         (sysfs / "drivers" / driver).mkdir(parents=True)
         (interface / "driver").symlink_to(sysfs / "drivers" / driver)
@@ -94,6 +98,22 @@ def test_the_likelier_chip_comes_first_and_others_last(monkeypatch: pytest.Monke
     assert [each.path for each in found] == ["/dev/C", "/dev/A", "/dev/B"]
     assert [each.is_ch340 for each in found] == [True, True, False]
     assert found[1].usb == "1a86:7522"
+
+
+def test_the_chip_of_another_board_is_known_by_its_dialect_alone(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    info = ListPortInfo("/dev/B", skip_link_detection=True)
+    info.vid, info.pid = 0x10C4, 0xEA60
+    monkeypatch.setattr(list_ports, "comports", lambda: [info])
+    usb_device(tmp_path, usb="10c4:ea60")
+    assert not candidates()[0].is_ch340
+    assert without_driver(tmp_path) == ""
+    with registered():
+        # Behind those of the boards before it.
+        assert usb_ids() == (LIKELY, UNLIKELY, "10c4:ea60")
+        assert candidates()[0].is_ch340
+        assert without_driver(tmp_path) != ""
 
 
 class VoiceModule:

@@ -156,6 +156,7 @@ class Binary(Dialect, frozen=True, kw_only=True):
     question_spacing_ns: int = 5_000_000
     answer_spacing_ns: int = 5_000_000
     baudrate: int = 115_200
+    usb_ids: tuple[str, ...] = ("10c4:ea60", "1a86:7523")
     fastest_m_s: float = 1.0
     brake: bytes = frame(0x10, bytes(6))
     cut: bytes | None = frame(0x11)
