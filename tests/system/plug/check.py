@@ -83,7 +83,8 @@ def plug(number: int, product: str = "7523") -> None:
 
 def unplug(number: int) -> None:
     sh(f"echo {number} > /sys/devices/platform/vhci_hcd.0/detach")
-    sh(f"systemctl stop plug{number}")
+    # One that ended by itself counts as failed, and its name could not be used again.
+    sh(f"systemctl stop plug{number}; systemctl reset-failed plug{number}")
 
 
 def sockets() -> set[Path]:
@@ -162,6 +163,7 @@ def main() -> None:
     claim("and the board's again", lambda: NAME.exists() and NAME.resolve() != module)
     claim("which the service drives", lambda: says("yahboomd", "standing"))
     unplug(2)
+    claim("the module is gone", lambda: len(sockets()) == 1)
 
     first = sockets()
     plug(0)
