@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import pty
+import subprocess
+import sys
 import tty as terminal
 from pathlib import Path
 
@@ -42,6 +44,22 @@ def test_of_two_ports_the_boards_is_found_and_the_other_hears_nothing(
         os.close(voice)
         os.close(far)
     assert f"{paths[0]} (1a86:7522) was not asked" in capsys.readouterr().err
+
+
+def test_the_search_of_an_only_port_imports_nothing_that_delays_a_stop() -> None:
+    program = (
+        "import sys\n"
+        "from yahboomd.core.config import Config\n"
+        "from yahboomd.core.link import discovery\n"
+        "from yahboomd.tools.stop.port_search import find_port\n"
+        "board = discovery.Candidate(path='/dev/B', description='', is_ch340=True, by_path=None)\n"
+        "discovery.candidates = lambda: (board,)\n"
+        "print(find_port(Config()), {'asyncio', 'serial_asyncio'} & set(sys.modules))\n"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert ran.stdout == "/dev/B set()\n"
 
 
 def test_a_named_port_is_taken_without_a_look_at_others(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,26 +6,26 @@ driver), or brltty may have taken it.
 
 from __future__ import annotations
 
-import asyncio
 import os
 from collections.abc import Awaitable, Callable, Iterable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 from serial.tools import list_ports
 
-from yahboomd.core.clock import Clock, sleep_until
 from yahboomd.core.errors import BoardError, BoardSilent, ConfigError, LinkError, PortMissing
-from yahboomd.core.link.handshake import identify
-from yahboomd.core.link.line import Line
-from yahboomd.core.link.port import Port
 from yahboomd.core.protocol.registry import DIALECTS, usb_ids
 from yahboomd.core.protocol.registry import identify as recognise
+
+if TYPE_CHECKING:
+    from yahboomd.core.clock import Clock
+    from yahboomd.core.link.line import Line
+    from yahboomd.core.link.port import Port
 
 UDEV_NAME = "/dev/yahboom_driver"
 
 IS_ONE = "is a board"
-
 NAME_IT = "Name the one to use: --port PATH, or serial.port in config.toml."
 
 
@@ -79,7 +79,6 @@ async def find(
 
     Args:
         configured: ``serial.port``; empty to search.
-        found: As :func:`candidates` has them.
 
     Raises:
         PortMissing: Nothing looks like a board.
@@ -89,6 +88,12 @@ async def find(
     likely = [each for each in found if each.is_ch340]
     if configured or len(likely) < 2:
         return choose(configured, found), ""
+    # Slow to import, and a stop on the only port must not wait for it.
+    import asyncio
+
+    from yahboomd.core.clock import sleep_until
+    from yahboomd.core.link.line import Line
+
     state = dict.fromkeys(likely, "was not asked")
     lines: dict[Candidate, Line] = {}
     try:
@@ -136,6 +141,8 @@ async def find(
 
 
 async def _answers(line: Line) -> bool:
+    from yahboomd.core.link.handshake import identify
+
     try:
         await identify(line)
     except (LinkError, BoardError):

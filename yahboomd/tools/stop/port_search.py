@@ -1,19 +1,23 @@
-"""Searches this machine for the board's port, for a command without a daemon."""
+"""Searches this machine for the board's port, for a command without a daemon.
+
+Slow modules are imported only where they are used: see :mod:`yahboomd.core.link.seize`.
+"""
 
 from __future__ import annotations
 
-import asyncio
 import os
 import sys
 from collections.abc import Awaitable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from yahboomd.core.clock import SystemClock
-from yahboomd.core.config import Config
 from yahboomd.core.link import discovery
 from yahboomd.core.link.discovery import Candidate
-from yahboomd.core.link.port import Port, PortOptions, open_port
 from yahboomd.core.program import readable
+
+if TYPE_CHECKING:
+    from yahboomd.core.config import Config
+    from yahboomd.core.link.port import Port, PortOptions
 
 
 def find_port(config: Config) -> str:
@@ -23,20 +27,29 @@ def find_port(config: Config) -> str:
         LinkError: There is none, or no board answers on any.
         ConfigError: Boards answer on several.
     """
-    serial, clock = config.serial, SystemClock()
+    port = config.serial.port
+    found = () if port else discovery.candidates()
+    if sum(each.is_ch340 for each in found) < 2:
+        return discovery.choose(port, found)
+    import asyncio
+
+    from yahboomd.core.clock import SystemClock
+    from yahboomd.core.link.port import open_port
+
+    clock = SystemClock()
 
     def open_it(path: str) -> Awaitable[Port]:
         return open_port(port_options(path, config), clock)
 
-    found = () if serial.port else discovery.candidates()
-    path, others = asyncio.run(discovery.find(serial.port, found, open_it, clock))
-    if others:
-        print(f"yahboomd: {readable(others)}", file=sys.stderr)
+    path, others = asyncio.run(discovery.find(port, found, open_it, clock))
+    print(f"yahboomd: {readable(others)}", file=sys.stderr)
     return path
 
 
 def port_options(path: str, config: Config) -> PortOptions:
     """How the configuration opens a port."""
+    from yahboomd.core.link.port import PortOptions
+
     serial = config.serial
     return PortOptions(
         path=path,
