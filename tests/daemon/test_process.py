@@ -120,6 +120,15 @@ def test_every_message_reaches_the_manager(manager: socket.socket) -> None:
     assert heard == [b"READY=1", b"STATUS=waiting for the board", b"WATCHDOG=1", b"STOPPING=1"]
 
 
+def test_a_status_of_several_lines_is_one_assignment_to_the_manager(
+    manager: socket.socket,
+) -> None:
+    notifier = Notifier({"NOTIFY_SOCKET": manager.getsockname()})
+    notifier.status('waiting: two boards.\nport = "/dev/a"')
+    assert manager.recv(100) == b'STATUS=waiting: two boards. port = "/dev/a"'
+    notifier.close()
+
+
 def test_the_same_status_is_sent_once(manager: socket.socket) -> None:
     notifier = Notifier({"NOTIFY_SOCKET": manager.getsockname()})
     notifier.status("driving")

@@ -209,7 +209,7 @@ class Notifier:
         Nor are words that differ in an age alone: each would wake the manager and its listeners,
         twice a second.
         """
-        words = without_age(words)
+        words = without_age(words.replace("\n", " "))
         if words != self._status:
             self._status = words
             self._send(f"STATUS={words}")
