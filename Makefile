@@ -149,6 +149,10 @@ bench: $(VENV)/.bench ## measure exactness, latency, throughput, cost and fleet;
 bench-short: $(VENV)/.dev ## the same in a short form, only to see that it works
 	$(PY) -m benchmarks --short --out build/bench-short --store build/bench-short/store $(ARGS)
 
+.PHONY: moves
+moves: $(VENV)/.dev ## 400 random moves on simulated robots beside a plain loop: the table of docs/moves.md (8 minutes; ARGS='--moves 64')
+	@PYTHONPATH=tests/plugins $(PY) -m benchmarks.moves $(ARGS)
+
 heading: $(VENV)/.dev ## the heading by wheels and gyro on simulated bases, the table of docs/odometry.md (20 minutes; ARGS='--runs 8')
 	@$(PY) -m benchmarks.fused_heading $(ARGS)
 

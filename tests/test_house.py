@@ -19,7 +19,7 @@ SOURCES = [
     if path.stem not in {"__init__", "__main__"}
 ]
 CORE = {path.parts[1] for path in SOURCES if path.parts[0] == "core" and len(path.parts) > 2}
-ROOMS = CORE | {"cli", "client", "simulation", "tools", "web"}
+ROOMS = CORE | {"cli", "client", "moves", "simulation", "tools", "web"}
 
 
 READING_PATH = re.findall(

@@ -1,0 +1,133 @@
+"""Moves on simulated robots, in virtual time, without a bus: driven, and judged by the truth."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from robot_bench import RobotBench
+
+from yahboomd.client.move_messages import Move
+from yahboomd.core.messages.codecs import encode
+from yahboomd.core.messages.native import VelocityCommand
+from yahboomd.core.model import Pose2d
+from yahboomd.moves.motion.base_limits import Base, base_of
+from yahboomd.moves.motion.lag_model import LagModel
+from yahboomd.moves.motion.mover import MoveEnd, Mover
+from yahboomd.simulation.options import SimulationOptions
+
+TRACK_M, BASE_M = 0.15, 0.13
+LONGEST_S = 120.0
+PRESETS = {"2wd": "differential", "4wd": "skid_steer", "mecanum": "mecanum"}
+
+
+class Drive(NamedTuple):
+    """One drive of a list of moves.
+
+    Attributes:
+        ended: Why it ended.
+        time_s: How long it took, and how long the ideal profiles do.
+        begin: The true pose at its begin, and the true pose after it, standing.
+        path: The true poses on the way.
+        past_m: How far behind the end the base was on a leg, at most, along it (m, or rad).
+    """
+
+    ended: MoveEnd
+    time_s: float
+    ideal_s: float
+    begin: Pose2d
+    end: Pose2d
+    path: list[Pose2d]
+    past: float
+
+    @property
+    def ahead_m(self) -> float:
+        """The way along the heading at the begin."""
+        dx, dy = self.end.x - self.begin.x, self.end.y - self.begin.y
+        return math.cos(self.begin.theta) * dx + math.sin(self.begin.theta) * dy
+
+    @property
+    def left_m(self) -> float:
+        dx, dy = self.end.x - self.begin.x, self.end.y - self.begin.y
+        return math.cos(self.begin.theta) * dy - math.sin(self.begin.theta) * dx
+
+    @property
+    def turned_rad(self) -> float:
+        return self.end.theta - self.begin.theta
+
+
+class MoveBench(RobotBench):
+    """A simulated robot that drives moves.
+
+    Args:
+        preset: ``2wd``, ``4wd`` or ``mecanum``.
+        lag_s: The time constant of its motors.
+    """
+
+    def __init__(
+        self, folder: Path, preset: str = "2wd", lag_s: float = 0.1, **simulation: object
+    ) -> None:
+        overrides = [f"chassis.preset={preset}"]
+        if preset == "mecanum":
+            overrides.append(f"chassis.wheel_base_m={BASE_M}")
+        options: dict[str, Any] = {
+            "drive": PRESETS[preset],
+            "wheel_separation_m": TRACK_M,
+            "wheel_base_m": BASE_M,
+            "time_constant_s": lag_s,
+            "rated_volts": 12.0,
+            "battery_volts": 12.0,
+            "motor_dead_zone": 1660,
+            **simulation,
+        }
+        super().__init__(folder, overrides, SimulationOptions(**options))
+        self.lag = LagModel()
+
+    @property
+    def base(self) -> Base:
+        return base_of(self.config.resolved().as_data())
+
+    @property
+    def truth(self) -> Pose2d:
+        """Where it truly is."""
+        self.robot.advance(self.clock.now_ns())
+        return self.robot.plant.chassis.pose
+
+    def ideal_s(self, move: Move, begin: Pose2d) -> float:
+        """The time of the ideal profiles of a move."""
+        return Mover([move], begin, self.base, LagModel()).time_s
+
+    async def move(self, moves: Sequence[Move], *, base: Base | None = None) -> Drive:
+        """Drive moves to their end, and wait until the base stands."""
+        begin = self.truth
+        mover = Mover(moves, self.heard.estimates[-1].pose, base or self.base, self.lag)
+        began_ns = self.clock.now_ns()
+        path: list[Pose2d] = []
+        past = -math.inf
+        while mover.ended is None:
+            await asyncio.sleep(0.02)
+            assert self.clock.now_ns() - began_ns < LONGEST_S * 1e9, "it never ends"
+            pose = self.heard.estimates[-1].pose
+            twist = mover.step(pose, self.clock.now_ns())
+            if mover._leg is not None and mover._leg._last:
+                past = max(past, -mover._leg.left(pose))
+            if twist is not None:
+                self.payload(encode(VelocityCommand(vx=twist.vx, vy=twist.vy, wz=twist.wz), "json"))
+            path.append(self.truth)
+        time_s = (self.clock.now_ns() - began_ns) / 1e9
+        for _ in range(20):
+            self.command()
+            await asyncio.sleep(0.02)
+            self.lag.advance(0.02)
+        return Drive(
+            ended=mover.ended,
+            time_s=time_s,
+            ideal_s=mover.time_s,
+            begin=begin,
+            end=self.truth,
+            path=path,
+            past=past,
+        )

@@ -1,0 +1,166 @@
+"""Lists of moves on simulated robots of every geometry, judged by their true poses."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from pathlib import Path
+
+import pytest
+
+from benchmarks.move_bench import Drive, MoveBench
+from yahboomd.client.move_messages import Move
+from yahboomd.core.model import Pose2d, Twist2d
+from yahboomd.moves.motion.base_limits import Base
+from yahboomd.moves.motion.lag_model import LagModel
+from yahboomd.moves.motion.mover import Mover
+from yahboomd.moves.motion.speed_profile import SpeedLimits
+from yahboomd.simulation.motors import MotorFaults
+from yahboomd.simulation.virtual_time import on_virtual_time
+
+WAVE = tuple((0.02 * i, 0.15 * math.sin(0.08 * i)) for i in range(1, 70))
+BASE = Base(
+    way=SpeedLimits(speed=1.0, acceleration=2.5, braking=5.0, jerk=math.inf),
+    turn=SpeedLimits(speed=6.0, acceleration=12.0, braking=24.0, jerk=math.inf),
+)
+STEP_NS = 20_000_000
+
+
+async def drive(bench: MoveBench, *moves: Move) -> Drive:
+    driven = await bench.move(moves)
+    assert driven.ended.reason == "reached", driven.ended
+    return driven
+
+
+def off_the_wave(pose: Pose2d) -> float:
+    return min(math.hypot(pose.x - x, pose.y - y) for x, y in ((0.0, 0.0), *WAVE))
+
+
+@pytest.mark.parametrize("lag_s", [0.05, 0.2])
+@pytest.mark.parametrize("preset", ["2wd", "4wd", "mecanum"])
+@on_virtual_time
+async def test_moves_end_where_they_should(tmp_path: Path, preset: str, lag_s: float) -> None:
+    async with MoveBench(tmp_path, preset, lag_s) as bench:
+        await bench.ready()
+        straight = await drive(bench, Move(kind="straight", distance_m=0.5))
+        assert straight.ahead_m == pytest.approx(0.5, abs=0.002)
+        assert abs(straight.left_m) < 0.002
+        turn = await drive(bench, Move(kind="turn", angle_rad=-math.pi / 2.0))
+        assert turn.turned_rad == pytest.approx(-math.pi / 2.0, abs=math.radians(0.35))
+        back = await drive(bench, Move(kind="straight", distance_m=-0.2))
+        assert back.ahead_m == pytest.approx(-0.2, abs=0.002)
+        home = await drive(bench, Move(kind="go_to", x=0.0, y=0.0, theta=0.0))
+        assert math.hypot(home.end.x, home.end.y) < 0.005
+        assert math.remainder(home.end.theta, 2.0 * math.pi) == pytest.approx(
+            0.0, abs=math.radians(0.5)
+        )
+        wave = await drive(bench, Move(kind="follow", points=WAVE))
+        # The points are 20 mm apart: half of that is no error.
+        assert max(off_the_wave(pose) for pose in wave.path) < math.hypot(0.0125, 0.01)
+        for each in (straight, back):
+            assert each.time_s <= each.ideal_s + 3.0 * lag_s + 0.9
+
+
+@on_virtual_time
+async def test_a_square_of_eight_moves_ends_where_it_began(tmp_path: Path) -> None:
+    async with MoveBench(tmp_path) as bench:
+        await bench.ready()
+        side = [Move(kind="straight", distance_m=0.5), Move(kind="turn", angle_rad=math.pi / 2.0)]
+        square = await drive(bench, *side * 4)
+        assert math.hypot(square.ahead_m, square.left_m) < 0.003
+        assert square.turned_rad == pytest.approx(2.0 * math.pi, abs=math.radians(0.4))
+
+
+@on_virtual_time
+async def test_mecanum_drives_sideways_and_turns_on_its_way(tmp_path: Path) -> None:
+    async with MoveBench(tmp_path, "mecanum") as bench:
+        await bench.ready()
+        aside = await drive(bench, Move(kind="straight", left_m=0.4))
+        assert (aside.ahead_m, aside.left_m) == pytest.approx((0.0, 0.4), abs=0.002)
+        there = await drive(bench, Move(kind="go_to", x=0.5, y=-0.3, theta=2.0))
+        assert math.hypot(there.end.x - 0.5, there.end.y + 0.3) < 0.005
+        assert there.end.theta == pytest.approx(2.0, abs=math.radians(0.5))
+
+
+@on_virtual_time
+async def test_a_base_that_is_held_is_blocked(tmp_path: Path) -> None:
+    async with MoveBench(tmp_path) as bench:
+        await bench.ready()
+        for motor in bench.robot.plant.motors:
+            motor.faults = MotorFaults(stalled=True)
+        driven = await bench.move([Move(kind="straight", distance_m=1.0)])
+        assert driven.ended.reason == "blocked"
+        assert "in its way" in driven.ended.message
+
+
+@on_virtual_time
+async def test_a_pose_that_is_set_ends_it(tmp_path: Path) -> None:
+    async with MoveBench(tmp_path) as bench:
+        await bench.ready()
+        moving = asyncio.create_task(bench.move([Move(kind="straight", distance_m=2.0)]))
+        await asyncio.sleep(2.0)
+        bench.operator.set_pose(Pose2d(x=7.0), None)
+        driven = await moving
+        assert driven.ended.reason == "pose_changed"
+
+
+# Without a robot.
+
+
+def mover(*moves: Move) -> Mover:
+    return Mover(moves, Pose2d(), BASE, LagModel())
+
+
+def test_it_commands_at_fifty_hertz_however_often_poses_come() -> None:
+    made = mover(Move(kind="straight", distance_m=1.0))
+    answers = [made.step(Pose2d(), step * 5_000_000) for step in range(40)]
+    assert sum(answer is not None for answer in answers) == 10
+
+
+def test_moves_that_change_nothing_are_reached_at_once() -> None:
+    made = mover(Move(kind="turn", angle_rad=0.0))
+    assert made.step(Pose2d(), 0) is None
+    assert made.ended is not None
+    assert made.ended.reason == "reached"
+    assert made.progress.done == 1.0
+
+
+def test_the_first_end_counts_and_nothing_is_commanded_after_it() -> None:
+    made = mover(Move(kind="straight", distance_m=1.0))
+    assert made.step(Pose2d(), 0) is not None
+    made.end("cancelled", "You cancelled it.")
+    made.end("estop", "Too late.")
+    assert made.step(Pose2d(), STEP_NS) is None
+    assert made.ended is not None
+    assert made.ended.reason == "cancelled"
+
+
+def test_paused_it_stands_and_resumed_it_goes_on() -> None:
+    made = mover(Move(kind="straight", distance_m=1.0))
+    at_m = 0.0
+    twists: list[Twist2d] = []
+    for step in range(160):
+        if step == 60:
+            made.pause()
+        if step == 120:
+            made.resume()
+        twist = made.step(Pose2d(x=at_m), step * STEP_NS)
+        if twist is not None:
+            twists.append(twist)
+            at_m += twist.vx * 0.02
+    assert twists[59].vx > 0.2
+    assert twists[118].vx == 0.0
+    assert not made.paused
+    assert twists[-1].vx > 0.1
+
+
+def test_progress_counts_what_is_left_of_all_moves() -> None:
+    made = mover(Move(kind="straight", distance_m=1.0), Move(kind="turn", angle_rad=-2.0))
+    made.step(Pose2d(), 0)
+    begun = made.progress
+    assert (begun.index, begun.kind) == (0, "straight")
+    assert (begun.left_m, begun.left_rad) == pytest.approx((1.0, 2.0))
+    assert begun.left_s == pytest.approx(made.time_s)
+    made.step(Pose2d(x=0.05), STEP_NS)
+    assert made.progress.left_m == pytest.approx(0.95)
+    assert 0.0 < made.progress.done < 0.1

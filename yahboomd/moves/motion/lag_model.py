@@ -1,0 +1,223 @@
+"""Where the base will be once it has obeyed all that was commanded.
+
+Wheels follow a command with a lag. The way that was commanded and is not driven yet is under way:
+the base drives it even if the next command is zero. Several models of the wheels run side by side,
+and each counts as much as it explained the latest poses. A controller that acts on the predicted
+pose instead of the measured one has a base without a lag (Smith, *Closer control of loops with dead
+time*, 1957).
+
+The models: a plain lag of the first order; and a motor of the first order behind a speed loop with
+proportional and integral part, as the boards have it. All of them end a way at the length that was
+commanded, so a wrong one delays the end and does not move it.
+"""
+
+from __future__ import annotations
+
+import math
+
+from yahboomd.core.model import Pose2d, Twist2d
+from yahboomd.moves.motion.landing import RollOn
+
+LAGS_S = (0.03, 0.05, 0.08, 0.12, 0.18, 0.26, 0.38, 0.55)
+MOTORS_S = (0.05, 0.1, 0.17, 0.3)
+GAINS = (0.4, 0.8, 1.5, 3.0)
+INTEGRAL, DERIVATIVE = 0.075, 0.6
+"""The other parts of the boards' loops, as shares of the proportional one, for steps of 10 ms."""
+
+TRANSPORT_S = 0.03
+"""Until a command is on the wheels and their counts are back."""
+
+ROLL = 1.4
+"""The share of the way under way that a base may roll: at low speeds, where a board's measured
+speeds are coarse, it is more than the model has. Too much only makes the end a little slower."""
+
+STEP_S = 0.01
+AHEAD_STEPS = 80
+FIRST_LAG_S = 0.12
+MEMORY_S = 3.0
+"""Driving that is older has little weight."""
+
+WINDOW_S = 0.1
+"""Ways are compared over this time: counts and stamps blur shorter ones."""
+
+LEAST_WAY = 0.002
+SHARPNESS = 3.0
+"""A model with half the squared error of another has eight times its weight."""
+
+Way = list[float]
+"""Ahead, to the left, turned: m, m, rad."""
+
+
+class _Wheels:
+    """One model: the speeds of the base along its three axes, for a command."""
+
+    def __init__(self, motor_s: float, gain: float) -> None:
+        self._share = STEP_S / motor_s
+        self._gain = gain
+        self._integral = gain * INTEGRAL
+        self._speed: Way = [0.0, 0.0, 0.0]
+        self._sum: Way = [0.0, 0.0, 0.0]
+        self._error: Way = [0.0, 0.0, 0.0]
+        self.under_way: Way = [0.0, 0.0, 0.0]
+        self.window: Way = [0.0, 0.0, 0.0]
+        self.cost = 0.0
+
+    @property
+    def lag_s(self) -> float:
+        return STEP_S / (self._integral if self._gain else self._share)
+
+    def peak(self, axis: int) -> float:
+        """The extreme of the way from here, if the command is zero from now on.
+
+        A speed loop with an integral part swings: the way passes its end and comes back.
+        """
+        speed, total, error = self._speed[axis], self._sum[axis], self._error[axis]
+        way = peak = 0.0
+        gain, integral = self._gain, self._integral
+        for _ in range(AHEAD_STEPS):
+            output = 0.0
+            if gain:
+                before, error = error, -speed
+                total += integral * error
+                output = total + gain * (error + DERIVATIVE * (error - before))
+            speed += self._share * (output - speed)
+            way += STEP_S * speed
+            if abs(way) < abs(peak):
+                break
+            peak = way
+        return peak
+
+    def advance(self, twist: tuple[float, float, float]) -> None:
+        """Obey a command for a step."""
+        for axis, wanted in enumerate(twist):
+            speed = self._speed[axis]
+            output = wanted
+            if self._gain:
+                error, before = wanted - speed, self._error[axis]
+                self._error[axis] = error
+                self._sum[axis] += self._integral * error
+                output = self._sum[axis] + self._gain * (error + DERIVATIVE * (error - before))
+            speed += self._share * (output - speed)
+            self._speed[axis] = speed
+            self.under_way[axis] += STEP_S * (wanted - speed)
+            self.window[axis] += STEP_S * speed
+
+
+class LagModel:
+    """The commands under way, by the models that fit the poses."""
+
+    def __init__(self) -> None:
+        self._twist = (0.0, 0.0, 0.0)
+        self._late = [self._twist] * round(TRANSPORT_S / STEP_S)
+        self._on_the_wire: Way = [0.0, 0.0, 0.0]
+        self._models = [_Wheels(lag_s, 0.0) for lag_s in LAGS_S]
+        self._models += [_Wheels(motor_s, gain) for motor_s in MOTORS_S for gain in GAINS]
+        self._weights = [
+            1.0 / (1.0 + math.log(model.lag_s / FIRST_LAG_S) ** 2) ** SHARPNESS
+            for model in self._models
+        ]
+        self.rolls = (_roll(0.001), _roll(0.001), _roll(0.01))
+        self._rest_s = 0.0
+        self._window_s = 0.0
+        self._seen: Way = [0.0, 0.0, 0.0]
+        self._pose: Pose2d | None = None
+
+    def command(self, twist: Twist2d) -> None:
+        """The velocity that is commanded from now on."""
+        self._twist = (twist.vx, twist.vy, twist.wz)
+
+    def advance(self, dt_s: float) -> None:
+        """Let time pass with the present command."""
+        self._rest_s += dt_s
+        while self._rest_s >= STEP_S:
+            self._rest_s -= STEP_S
+            self._window_s += STEP_S
+            self._late.append(self._twist)
+            late = self._late.pop(0)
+            for axis in range(3):
+                self._on_the_wire[axis] += STEP_S * (self._twist[axis] - late[axis])
+            for model in self._models:
+                model.advance(late)
+
+    def seen(self, pose: Pose2d) -> None:
+        """Compare the way to a new pose with the ways of the models."""
+        before, self._pose = self._pose, pose
+        if before is None:
+            return
+        turned = pose.theta - before.theta
+        ahead, left = in_base(pose.x - before.x, pose.y - before.y, before.theta + turned / 2.0)
+        for axis, way in enumerate((ahead, left, turned)):
+            self._seen[axis] += way
+        if self._window_s >= WINDOW_S:
+            self._judge()
+
+    def _judge(self) -> None:
+        moved = math.hypot(*self._seen)
+        if moved > LEAST_WAY:
+            keep = math.exp(-self._window_s / MEMORY_S)
+            for model in self._models:
+                error = sum((a - b) ** 2 for a, b in zip(model.window, self._seen, strict=True))
+                model.cost = model.cost * keep + error
+            # Of a count or so: what no model can explain.
+            least = min(model.cost for model in self._models) + 2e-7
+            self._weights = [((least / (model.cost + 2e-7)) ** SHARPNESS) for model in self._models]
+        for model in self._models:
+            model.window[:] = (0.0, 0.0, 0.0)
+        self._seen = [0.0, 0.0, 0.0]
+        self._window_s = 0.0
+
+    @property
+    def lag_s(self) -> float:
+        """The lag of the base: wheels, board, transport and poses together."""
+        pairs = zip(self._weights, self._models, strict=True)
+        mean_s: float = sum(weight * model.lag_s for weight, model in pairs) / sum(self._weights)
+        return TRANSPORT_S + mean_s
+
+    @property
+    def under_way(self) -> tuple[float, float, float]:
+        """The commanded way that is not driven yet: ahead, to the left, turned."""
+        total = sum(self._weights)
+        way = list(self._on_the_wire)
+        for weight, model in zip(self._weights, self._models, strict=True):
+            for axis, each in enumerate(model.under_way):
+                way[axis] += weight / total * each
+        return way[0], way[1], way[2]
+
+    @property
+    def swing(self) -> tuple[float, float, float]:
+        """How far each way passes its end before it comes back, if the next command is zero."""
+        best = max(range(len(self._models)), key=self._weights.__getitem__)
+        model = self._models[best]
+        ahead, left, turned = (model.peak(axis) - model.under_way[axis] for axis in range(3))
+        return ahead, left, turned
+
+    def predicted(self, pose: Pose2d, share: float = 1.0) -> Pose2d:
+        """The pose at which the base comes to rest, if the next command is zero.
+
+        Args:
+            pose: The newest pose.
+            share: Of the way under way.
+        """
+        ahead, left, turned = (share * each for each in self.under_way)
+        half = turned / 2.0
+        chord = math.sin(half) / half if abs(half) > 1e-4 else 1.0
+        cosine, sine = math.cos(pose.theta + half), math.sin(pose.theta + half)
+        return Pose2d(
+            x=pose.x + chord * (cosine * ahead - sine * left),
+            y=pose.y + chord * (sine * ahead + cosine * left),
+            theta=pose.theta + turned,
+        )
+
+    def forget_pose(self) -> None:
+        """Do not compare the next pose with the one before it."""
+        self._pose = None
+
+
+def in_base(dx: float, dy: float, theta: float) -> tuple[float, float]:
+    """A step of the odometry frame along the axes of a base with this heading."""
+    cosine, sine = math.cos(theta), math.sin(theta)
+    return cosine * dx + sine * dy, cosine * dy - sine * dx
+
+
+def _roll(first: float) -> RollOn:
+    return RollOn(landing=first, same=0.2 * first, other=first, most=5.0 * first)

@@ -1,0 +1,113 @@
+"""The last millimetre: wait until the base stands, then correct what is left by short pulses.
+
+A speed loop with an integral part drives, in the end, the whole way of a pulse: its speed times its
+time. Only what the motors need before they turn at all is lost. It is little in the direction of
+the motion before, and more in the other one. Both are learned.
+"""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+
+PULSES = 5
+"""Corrections, before the leg ends where the base stands."""
+
+STANDS_S = 0.12
+"""A base that did not move for this time stands."""
+
+LONGEST_S = 6.0
+"""A landing that takes longer ends where the base is."""
+
+LEARNS = 0.5
+
+
+class Tolerance(msgspec.Struct, frozen=True, kw_only=True):
+    """Of the end of a leg, in m or rad.
+
+    Attributes:
+        end: The largest error that is left.
+        still: A base that moves by less stands.
+        creep: The least speed towards the end: below it a wheel may not turn at all.
+        pulse: The speed of a correction.
+    """
+
+    end: float
+    still: float
+    creep: float
+    pulse: float
+
+
+class RollOn(msgspec.Struct, kw_only=True):
+    """What the base does after a zero, as learned, in m or rad.
+
+    Attributes:
+        landing: How much farther than the model has it the base rolls at the end of a leg.
+        same: What a pulse in the direction of the motion before loses.
+        other: What a pulse in the other direction loses.
+        most: Of each.
+    """
+
+    landing: float
+    same: float
+    other: float
+    most: float
+
+    def learn(self, name: str, error: float) -> None:
+        """Correct one of them by a part of the error that it led to."""
+        learned = getattr(self, name) + LEARNS * error
+        setattr(self, name, max(0.0, min(self.most, learned)))
+
+
+class Landing:
+    """Corrects until the rest of a leg is within its tolerance."""
+
+    def __init__(self, tolerance: Tolerance, rolls: RollOn) -> None:
+        self._pulses = 0
+        self._tolerance = tolerance
+        self._rolls = rolls
+        self._rests_s = 0.0
+        self._rested_at = math.inf
+        self._since_s = 0.0
+        self._way = 1.0
+        self._pulse_left = 0.0
+        self._kind = "landing"
+
+    def step(self, left: float, rolling: float, dt_s: float) -> float | None:
+        """The speed until the next step, negative for backward; None once it is over.
+
+        Args:
+            left: The rest of the leg.
+            rolling: How much of it is under way by the model.
+            dt_s: The time until the next step.
+        """
+        self._since_s += dt_s
+        if self._since_s > LONGEST_S:
+            return None
+        if self._pulse_left > 0.0:
+            return self._pulse(dt_s)
+        still = self._tolerance.still
+        if abs(left - self._rested_at) > still or abs(rolling) > 2.0 * still:
+            self._rested_at, self._rests_s = left, 0.0
+        self._rests_s += dt_s
+        if self._rests_s < STANDS_S:
+            return 0.0
+        end = self._tolerance.end
+        # A little short is better than a little too far.
+        error = 0.3 * end - left if self._kind == "landing" else self._way * left
+        self._rolls.learn(self._kind, error)
+        if abs(left) <= end or self._pulses >= PULSES:
+            return None
+        self._pulses += 1
+        way = math.copysign(1.0, left)
+        self._kind = "same" if way == self._way else "other"
+        self._way = way
+        self._pulse_left = abs(left) + getattr(self._rolls, self._kind)
+        return self._pulse(dt_s)
+
+    def _pulse(self, dt_s: float) -> float:
+        speed = min(self._tolerance.pulse, self._pulse_left / dt_s)
+        self._pulse_left -= speed * dt_s
+        self._rested_at, self._rests_s = math.inf, 0.0
+        return self._way * speed

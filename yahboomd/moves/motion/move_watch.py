@@ -1,0 +1,78 @@
+"""Whether a base that is commanded moves, and whether its pose can be believed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from yahboomd.core.model import Pose2d, Twist2d
+
+BLOCKED_S = 1.2
+"""Commanded for this time, with a way that counts, and hardly moved: the base is blocked."""
+
+LEAST_WAY_M = 0.02
+"""The commanded way that counts; a turn counts by the way of a wheel at `ARM_M`."""
+
+ARM_M = 0.1
+SHARE = 0.2
+
+JUMP_M = 0.1
+JUMP_RAD = 0.35
+"""A step of the pose beyond what the command and this explain: it was set, or bridged."""
+
+
+class MoveWatch:
+    """Watches one list of moves. All times are in monotonic nanoseconds."""
+
+    def __init__(self) -> None:
+        self._seen: list[tuple[int, Pose2d, float]] = []
+        self._commanded = 0.0
+        self._twist = Twist2d()
+        self._variance: float | None = None
+
+    def command(self, twist: Twist2d) -> None:
+        """The velocity that is commanded from now on."""
+        self._twist = twist
+
+    def jumped(self, pose: Pose2d, now_ns: int) -> bool:
+        """Whether the pose made a step that no wheel did."""
+        if not self._seen:
+            return False
+        at_ns, before, _ = self._seen[-1]
+        since_s = min(0.5, (now_ns - at_ns) / 1e9)
+        twist = self._twist
+        way_m = (math.hypot(twist.vx, twist.vy) + 0.3) * since_s * 2.0
+        turn_rad = (abs(twist.wz) + 1.0) * since_s * 2.0
+        return (
+            math.hypot(pose.x - before.x, pose.y - before.y) > JUMP_M + way_m
+            or abs(pose.theta - before.theta) > JUMP_RAD + turn_rad
+        )
+
+    def blocked(self, pose: Pose2d, now_ns: int) -> bool:
+        """Whether the base did not obey for a while; to be called with every pose."""
+        if self._seen:
+            since_s = (now_ns - self._seen[-1][0]) / 1e9
+            twist = self._twist
+            self._commanded += since_s * (math.hypot(twist.vx, twist.vy) + ARM_M * abs(twist.wz))
+        self._seen.append((now_ns, pose, self._commanded))
+        while now_ns - self._seen[1][0] > BLOCKED_S * 1e9 if len(self._seen) > 1 else False:
+            self._seen.pop(0)
+        at_ns, begin, commanded = self._seen[0]
+        if now_ns - at_ns < BLOCKED_S * 1e9:
+            return False
+        wanted = self._commanded - commanded
+        moved = math.hypot(pose.x - begin.x, pose.y - begin.y)
+        moved += ARM_M * abs(pose.theta - begin.theta)
+        return wanted > LEAST_WAY_M and moved < SHARE * wanted
+
+    def uncertain(self, covariance: Sequence[float], most_m: float) -> bool:
+        """Whether the place became more uncertain than that since the moves began.
+
+        Args:
+            covariance: Of the pose, over (x, y, theta), row by row.
+            most_m: Standard deviation in metres.
+        """
+        variance = max(covariance[0], covariance[4])
+        if self._variance is None:
+            self._variance = variance
+        return variance - self._variance > most_m * most_m

@@ -1,0 +1,206 @@
+"""Drives a list of moves: a velocity for each pose, until they are over."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import msgspec
+
+from yahboomd.client.move_messages import Move, Reason
+from yahboomd.core.model import NS_PER_S, STANDSTILL, Pose2d, Twist2d
+from yahboomd.moves.motion.base_limits import Base
+from yahboomd.moves.motion.lag_model import LagModel
+from yahboomd.moves.motion.leg import MoveLeg
+from yahboomd.moves.motion.move_plan import PlannedLeg, plan
+from yahboomd.moves.motion.move_watch import MoveWatch
+
+STEP_NS = 20_000_000
+"""A velocity for each so long, even if poses come more often."""
+
+LONGEST_STEP_S = 0.1
+
+
+class MoveProgress(msgspec.Struct, frozen=True, kw_only=True):
+    """How far a list of moves is.
+
+    Attributes:
+        index: Of the move that is driven.
+        kind: What it is.
+        done: The share of all moves, by their ideal times.
+        left_m: The way that is left.
+        left_rad: The turns in place that are left.
+        left_s: The time that is left, by the ideal profiles.
+    """
+
+    index: int
+    kind: str
+    done: float
+    left_m: float
+    left_rad: float
+    left_s: float
+
+
+class MoveEnd(msgspec.Struct, frozen=True, kw_only=True):
+    """The end of a list of moves: a reason of the documented ones, and a sentence."""
+
+    reason: Reason
+    message: str
+
+
+class Mover:
+    """One list of moves being driven.
+
+    Args:
+        moves: At least one.
+        begin: The pose at their begin.
+        base: What the base can do.
+        lag: The model of the base, kept from moves before.
+
+    Raises:
+        MoveRefused: The base cannot drive them.
+    """
+
+    def __init__(self, moves: Sequence[Move], begin: Pose2d, base: Base, lag: LagModel) -> None:
+        self.ended: MoveEnd | None = None
+        self.watch = MoveWatch()
+        self._moves = moves
+        self._legs: list[PlannedLeg] = plan(moves, begin, base)
+        self._times = [leg.time_s for leg in self._legs]
+        self._lag = lag
+        self._number = 0
+        self._leg: MoveLeg | None = None
+        self._paused = False
+        self._twist = STANDSTILL
+        self._advanced_ns: int | None = None
+        self._stepped_ns: int | None = None
+        self._pose = begin
+        lag.forget_pose()
+
+    @property
+    def paused(self) -> bool:
+        """Whether it stands, or comes to rest, until it is resumed."""
+        return self._paused
+
+    def pause(self) -> None:
+        """Come to rest on the way."""
+        self._paused = True
+
+    def resume(self) -> None:
+        """Go on."""
+        self._paused = False
+
+    def end(self, reason: Reason, message: str) -> None:
+        """End it, whatever it does; the first end counts."""
+        if self.ended is None:
+            self.ended = MoveEnd(reason=reason, message=message)
+            self._lag.command(STANDSTILL)
+
+    def step(self, pose: Pose2d, now_ns: int) -> Twist2d | None:
+        """Take a new pose.
+
+        Returns:
+            The velocity to command now; None to leave the command as it is, or once it is over.
+        """
+        if self.ended is not None:
+            return None
+        if self._advanced_ns is not None:
+            self._lag.advance((now_ns - self._advanced_ns) / NS_PER_S)
+        self._advanced_ns = now_ns
+        if self.watch.jumped(pose, now_ns):
+            self.end("pose_changed", "The pose made a step: it was set, or a gap was bridged.")
+            return None
+        self._lag.seen(pose)
+        self._pose = pose
+        if self.watch.blocked(pose, now_ns):
+            self.end(
+                "blocked",
+                "The base does not move though it is commanded to. Look what is in its way.",
+            )
+            return None
+        if self._stepped_ns is not None and now_ns - self._stepped_ns < STEP_NS * 0.9:
+            return None
+        since_s = STEP_NS / NS_PER_S
+        if self._stepped_ns is not None:
+            since_s = min(LONGEST_STEP_S, (now_ns - self._stepped_ns) / NS_PER_S)
+        self._stepped_ns = now_ns
+        twist = self._next(pose, since_s)
+        if twist is not None:
+            self._lag.command(twist)
+            self.watch.command(twist)
+        return twist
+
+    def _next(self, pose: Pose2d, dt_s: float) -> Twist2d | None:
+        while self._number < len(self._legs):
+            if self._leg is None:
+                self._leg = self._legs[self._number].drive(self._lag, last=self._is_last)
+            twist = self._leg.step(pose, dt_s, hold=self._paused)
+            if twist is not None:
+                return twist
+            if self._leg.is_short(pose):
+                self._end_short(self._leg, pose)
+                return None
+            self._leg = None
+            self._number += 1
+        self.end("reached", "The goal is reached.")
+        return None
+
+    @property
+    def _is_last(self) -> bool:
+        """Whether the base has to stand at the end of this leg.
+
+        Also before a leg of another kind: a turn in place has to begin where the way ends.
+        """
+        if self._number + 1 >= len(self._legs):
+            return True
+        here, after = self._legs[self._number], self._legs[self._number + 1]
+        return here.move != after.move or (here.course is not None) != (after.course is not None)
+
+    def _end_short(self, leg: MoveLeg, pose: Pose2d) -> None:
+        planned = self._legs[self._number]
+        left = leg.left(pose)
+        words = f"{1000.0 * left:.1f} mm" if planned.course else f"{math.degrees(left):.2f} degrees"
+        self.end(
+            "short",
+            f"The base stands {words} from its goal, and small commands do not move it there.",
+        )
+
+    @property
+    def progress(self) -> MoveProgress:
+        """How far it is."""
+        if not self._legs or self._number >= len(self._legs):
+            last = len(self._moves) - 1
+            return MoveProgress(
+                index=last,
+                kind=self._moves[last].kind,
+                done=1.0,
+                left_m=0.0,
+                left_rad=0.0,
+                left_s=0.0,
+            )
+        now = self._legs[self._number]
+        left = now.length if self._leg is None else max(0.0, self._leg.left(self._pose))
+        left = min(left, now.length)
+        left_s = self._times[self._number] * (left / now.length if now.length else 0.0)
+        left_m = left if now.course else 0.0
+        left_rad = 0.0 if now.course else left
+        for leg, time_s in zip(
+            self._legs[self._number + 1 :], self._times[self._number + 1 :], strict=True
+        ):
+            left_s += time_s
+            left_m += leg.length if leg.course else 0.0
+            left_rad += 0.0 if leg.course else leg.length
+        total_s = sum(self._times)
+        return MoveProgress(
+            index=now.move,
+            kind=self._moves[now.move].kind,
+            done=min(1.0, max(0.0, 1.0 - left_s / total_s)) if total_s else 1.0,
+            left_m=left_m,
+            left_rad=left_rad,
+            left_s=left_s,
+        )
+
+    @property
+    def time_s(self) -> float:
+        """The time of all legs by their ideal profiles."""
+        return sum(self._times)
