@@ -27,7 +27,7 @@ from yahboomd.core.protocol.registry import DIALECTS, connect_stop
 from yahboomd.simulation.imu import MPU9250, ImuOptions
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
-from yahboomd.simulation.rosmaster.rosmaster_board import RosmasterStored
+from yahboomd.simulation.rosmaster.rosmaster_flash import RosmasterStored
 from yahboomd.simulation.virtual_time import on_virtual_time
 from yahboomd.tools.port.probing import examine
 from yahboomd.tools.probe.probe_report import report

@@ -15,7 +15,8 @@ from yahboomd.simulation.four_channel.polled_board import PolledBoard
 from yahboomd.simulation.four_channel.streamed_board import StreamedBoard
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.plant import Plant
-from yahboomd.simulation.rosmaster.rosmaster_board import RosmasterBoard, RosmasterStored
+from yahboomd.simulation.rosmaster.rosmaster_board import RosmasterBoard
+from yahboomd.simulation.rosmaster.rosmaster_flash import RosmasterStored
 
 
 class BoardKind(msgspec.Struct, frozen=True, kw_only=True):

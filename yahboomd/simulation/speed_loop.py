@@ -31,6 +31,7 @@ class LoopSettings(msgspec.Struct, frozen=True, kw_only=True):
         mm_s_per_tick: Rim speed that one count in 10 ms stands for; 0 where the settings hold a
             zero, and the board measures nothing.
         dead_zone: PWM units added to the loop's output.
+        most_output: Where the loop's output is limited, before that.
         frozen: The loop does not run, outputs stay.
         inverted: Outputs go out with the other sign, as for motors of another type.
         counts_inverted: Counts come in with the other sign, as of motors of another type.
@@ -42,6 +43,7 @@ class LoopSettings(msgspec.Struct, frozen=True, kw_only=True):
     i: float
     d: float
     dead_zone: int
+    most_output: int = PWM_MAX
     frozen: bool = False
     inverted: bool = False
     counts_inverted: bool = False
@@ -75,7 +77,8 @@ class SpeedLoop:
             + tuning.d * (error - 2.0 * self._error + self._error_before)
         )
         self._error_before, self._error = self._error, error
-        self._output = min(PWM_MAX, max(-PWM_MAX, self._output + self._gain * change))
+        most = tuning.most_output
+        self._output = min(most, max(-most, self._output + self._gain * change))
         return beyond(int(self._output), tuning.dead_zone)
 
 
@@ -125,6 +128,10 @@ class MotorControl:
         self._regulates = False
         self._reset_loops()
         self._plant.set_outputs(tuple(-value if inverted else value for value in pwm))
+
+    def override(self, pwm: tuple[int, ...]) -> None:
+        """Set the outputs at once; loops that run set them again at the next interrupt."""
+        self._plant.set_outputs(pwm)
 
     def tick(self, now_ns: int, tuning: LoopSettings) -> None:
         """One interrupt: read the encoders, then regulate."""

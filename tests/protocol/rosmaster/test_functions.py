@@ -84,6 +84,11 @@ def test_the_banner_is_a_start_and_other_words_are_the_boards_own():
     assert isinstance(words("k\t"), Unrecognised)
 
 
+def test_a_supply_that_was_not_measured_yet_is_no_voltage():
+    assert said("FF FB 0A 0A 00 00 00 00 00 00 00 14") == Unused(text="0 V")
+    assert said("FF FB 0A 0A 00 00 00 00 00 00 01 15") == Battery(volts=0.1)
+
+
 def test_settings_are_read_by_three_questions_and_each_answer_ends_its_own():
     assert [frame[4] for frame in READ_SETTINGS] == [0x51, 0x15, 0x13]
     assert said("FF FB 05 15 02 00 1C") == Setting(name="car_type", value=2, last=True)

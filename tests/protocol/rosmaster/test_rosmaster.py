@@ -43,6 +43,8 @@ def test_it_never_commands_the_open_loop_or_what_holds_the_heading():
 def test_outputs_are_shares_above_the_boards_own_dead_zone():
     assert ROSMASTER.outputs((2600, -2600, 0, 3600), {}) == bytes.fromhex("FFFC0710 32CE0064 7B")
     # Up to the dead zone there is none, and none is more than all.
+    sunrise = ROSMASTER.outputs((2800, -2016, 2000, 3600), {"car_type": 6})
+    assert sunrise == frame(0x10, 50, 256 - 1, 0, 100)
     assert ROSMASTER.outputs((1600, -1600, 1619, -9999), {}) == frame(0x10, 0, 0, 0, 256 - 100)
 
 

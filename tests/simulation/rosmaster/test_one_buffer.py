@@ -29,6 +29,29 @@ def test_of_two_frames_that_come_before_it_looks_the_second_is_kept() -> None:
     assert found[1][:7] == STOP[4:11]
 
 
+def test_a_frame_that_is_cut_short_by_a_look_is_executed_without_its_payload() -> None:
+    buffer = fed(MOTION + MOTION[:3])
+    first = buffer.take()
+    assert first is not None
+    assert first[1][:7] == MOTION[4:11]
+    # Its function comes, and the look that follows has no length to sum up: a motion of zeros.
+    found = fed(MOTION[3:4], buffer).take()
+    assert found == (0x12, bytes(16))
+
+
+def test_a_length_beyond_the_buffer_leaves_the_frame_that_waits_without_one() -> None:
+    found = fed(STOP + b"\xff\xfc\x12").take()
+    assert found is not None
+    assert (found[0], found[1][0]) == (0x12, 1)
+
+
+def test_a_frame_leaves_zeros_behind_it() -> None:
+    buffer = fed(MOTION)
+    buffer.take()
+    found = fed(bytes.fromhex("FF FC 03 12 15"), buffer).take()
+    assert found == (0x12, b"\x15" + bytes(15))
+
+
 def test_a_frame_that_waits_is_spoilt_by_the_beginning_of_the_next() -> None:
     assert fed(MOTION + STOP[:6]).take() is None
 

@@ -9,7 +9,7 @@ import pytest
 
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
-from yahboomd.simulation.rosmaster.rosmaster_board import RosmasterStored
+from yahboomd.simulation.rosmaster.rosmaster_flash import RosmasterStored
 
 MS = 1_000_000
 S = 1_000 * MS
@@ -115,10 +115,10 @@ def test_frames_without_a_gap_are_lost_and_5_ms_apart_none_is() -> None:
             desk.robot.host_wrote(frame(0x50, 0x51, 0), first_ns + gap_ms * MS)
             desk.run(30)
             found = [function for function, _ in desk.frames(before_ns)]
-            assert found[-1] == 0x51
             answered[gap_ms] += len(found)
     assert answered[5] == 40
-    assert answered[0] <= 32
+    # Of two, the one that is looked at while the other arrives is lost, or both are.
+    assert 20 <= answered[0] <= 24
 
 
 def test_it_answers_version_type_gains_and_voltage() -> None:
@@ -137,10 +137,11 @@ def test_settings_last_over_a_reset_only_where_they_were_saved_and_odd_types_are
     desk = Desk(start_up_s=0.1)
     board = desk.robot.board
     desk.write(frame(0x15, 4, 0))
-    desk.write(frame(0x15, 3, 0x5F))
+    desk.write(frame(0x15, 7, 0x5F))
     assert board.flash.car_type == 1  # type: ignore[attr-defined]
-    desk.write(frame(0x15, 6, 0x5F))
-    desk.write(frame(0x13, *struct.pack("<3H", 1000, 100, 400), 0x5F))
+    desk.write(frame(0x15, 6, 0x5F), 250)
+    assert board.flash.p == 1.5  # type: ignore[attr-defined]
+    desk.write(frame(0x13, *struct.pack("<3H", 1000, 100, 400), 0x5F), 100)
     stored = board.flash  # type: ignore[attr-defined]
     assert (stored.car_type, stored.p, stored.i, stored.d) == (6, 1.0, 0.1, 0.4)
 
@@ -209,6 +210,9 @@ def test_the_open_loop_is_undone_by_the_speed_loops_but_after_a_stop() -> None:
     desk = Desk()
     desk.write(motion(100), 1_000)
     desk.write(frame(0x10, 100, 0, 100, 0), 1_000)
+    assert max(desk.speeds) < 0.15
+    desk.write(motion(0), 500)
+    desk.write(frame(0x10, 100, 0, 100, 0), 1_000)
     assert max(desk.speeds) > 0.9
     desk.write(motion(0), 500)
     assert max(desk.speeds) < 0.01
@@ -235,3 +239,83 @@ def test_a_board_that_hangs_keeps_its_outputs_and_has_no_period_to_set() -> None
     assert desk.frames(hung_ns + 5 * MS) == []
     with pytest.raises(ValueError, match="every 41 ms"):
         desk.robot.set_tick_period(desk.now_ns, 0.01)
+
+
+@pytest.mark.parametrize("function", [0x13, 0x15, 0x30, 0xA0])
+def test_it_is_deaf_and_holds_its_outputs_while_it_writes_its_flash(function: int) -> None:
+    payloads = {
+        0x13: (*struct.pack("<3H", 900, 60, 500), 0x5F),
+        0x15: (4, 0x5F),
+        0x30: (1, 80, 0x5F),
+        0xA0: (0x5F,),
+    }
+    desk = Desk(start_up_s=0.2)
+    desk.write(motion(300), 1_000)
+    desk.write(frame(function, *payloads[function]), 2)
+    outputs = [motor.pwm for motor in desk.robot.plant.motors]
+    at_ns = desk.now_ns
+    desk.write(motion(0), 70)
+    assert [motor.pwm for motor in desk.robot.plant.motors] == outputs
+    assert desk.frames(at_ns + 5 * MS) == []
+    desk.run(1_000)
+    reports = {kind for kind, _ in desk.frames(desk.now_ns - 100 * MS)}
+    assert 0x0D in reports
+    # The stop was lost, a factory reset left aside.
+    assert (min(desk.speeds) > 0.25) == (function != 0xA0)
+
+
+def test_a_latched_board_shows_the_voltage_of_its_alarm_and_coasts_between_two_brakes() -> None:
+    desk = Desk(battery_volts=11.0, rated_volts=11.0)
+    desk.write(motion(200), 500)
+    desk.robot.plant.battery_volts = 9.05
+    seen: list[int] = []
+    for _ in range(2_400):
+        desk.run(1)
+        pwm = desk.robot.plant.motors[0].pwm
+        if desk.robot.board._latched and (not seen or pwm != seen[-1]):  # type: ignore[attr-defined]
+            seen.append(pwm)
+    assert seen == [1, 0, 1]
+    desk.robot.plant.battery_volts = 11.0
+    before_ns = desk.now_ns
+    desk.write(frame(0x50, 0x01, 0), 20)
+    ((_, speed),) = desk.frames(before_ns)
+    assert speed[6] in {87, 88, 89}
+    # A car type resets it.
+    desk.write(frame(0x15, 1, 0), 40)
+    assert desk.robot.board._latched  # type: ignore[attr-defined]
+    desk.run(30)
+    assert not desk.robot.board._latched  # type: ignore[attr-defined]
+
+
+def test_after_a_start_it_reports_no_voltage_until_it_has_measured_one() -> None:
+    desk = Desk(battery_volts=7.4, start_up_s=0.2)
+    desk.robot.reset(desk.now_ns)
+    desk.run(600)
+    tenths = [payload[6] for kind, payload in desk.frames() if kind == 0x0A]
+    assert tenths[:2] == [0, 0]
+    assert set(tenths[3:]) == {74}
+
+
+def test_the_other_way_round_of_counting_of_another_type_runs_away() -> None:
+    desk = Desk(flash=RosmasterStored(car_type=1, imu=""))
+    desk.write(frame(0x15, 2, 0))
+    desk.write(motion(200), 1_500)
+    assert min(desk.speeds) > 0.9
+    counts = [payload for kind, payload in desk.frames() if kind == 0x0D][-1]
+    assert struct.unpack("<4i", counts)[0] < 0
+
+
+def test_yaw_gains_and_the_centre_of_the_steering_are_kept_and_shown() -> None:
+    desk = Desk(flash=RosmasterStored(imu="", auto_report=0))
+    desk.write(frame(0x14, *struct.pack("<3H", 500, 1, 200), 0x5F), 100)
+    desk.write(frame(0x30, 1, 80, 0x5F), 100)
+    desk.write(frame(0x50, 0x14, 5), 20)
+    desk.write(frame(0x50, 0x30, 1), 20)
+    assert desk.frames() == [(0x14, struct.pack("<B3H", 5, 500, 1, 200)), (0x30, b"\x01\x50")]
+    stored = desk.robot.board.flash  # type: ignore[attr-defined]
+    assert (stored.yaw_p, stored.yaw_i, stored.yaw_d, stored.steering_centre) == (
+        0.5,
+        0.001,
+        0.2,
+        80,
+    )

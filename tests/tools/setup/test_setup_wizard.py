@@ -29,7 +29,7 @@ from yahboomd.core.errors import BoardSilent, Refused
 from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.motors import FAULTS
 from yahboomd.simulation.options import FOUR_WHEELS, TWO_WHEELS, Wiring, at_plug
-from yahboomd.simulation.rosmaster.rosmaster_board import RosmasterStored
+from yahboomd.simulation.rosmaster.rosmaster_flash import RosmasterStored
 from yahboomd.simulation.virtual_time import on_virtual_time
 from yahboomd.tools.setup.description import Given
 from yahboomd.tools.setup.outcome import SetupOutcome

@@ -21,7 +21,6 @@ class SlidingMinimum:
         self._minima: deque[tuple[int, int]] = deque()
 
     def add(self, now_ns: int, value: int) -> None:
-        """Add ``value`` at the time ``now_ns``."""
         self._forget(now_ns)
         index = now_ns // self._slice_ns
         if self._minima and self._minima[-1][0] == index:

@@ -206,7 +206,6 @@ class SerialPort(asyncio.Protocol):
         self._on_data(data)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Report a port that went away."""
         self._transport = None
         self._report(exc)
 

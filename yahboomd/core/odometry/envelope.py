@@ -55,14 +55,12 @@ class Envelope:
         return self._offset + tick * (self._period + self.drift)
 
     def reset(self) -> None:
-        """Drop the phase; the period stays."""
         self.settled = False
         self._offset = math.inf
         self._blocks.clear()
         self._start_block()
 
     def add(self, tick: int, arrival: float) -> None:
-        """Take in a point."""
         rest = arrival - tick * self._period
         if rest - self.drift * (tick - self._low[0]) < self._low[1]:
             self._low = (tick, rest)

@@ -1,7 +1,7 @@
 """The receiving side of the Rosmaster firmware: an interrupt and one buffer, byte for byte.
 
 A half frame waits for its end for ever, and takes it from the next frame. A frame that waits to be
-looked at is written over by the one behind it.
+looked at is written over by the one behind it, which is lost with it.
 """
 
 from __future__ import annotations
@@ -35,13 +35,16 @@ class OneBuffer:
                 self._bytes[0] = byte
                 self._state = 1
         elif self._state == 1:
-            self._state = 2 if byte == 0xFC else 0
-            self._bytes[0] = 0xFF if byte == 0xFC else 0
-            self._bytes[1] = byte
+            if byte == 0xFC:
+                self._bytes[1] = byte
+                self._state = 2
+            else:
+                self._bytes[0] = self._state = 0
         elif self._state == 2:
-            self._length = byte + 2
+            # Also while a frame waits: its length is this one from now on.
+            self._length = (byte + 2) & 0xFF
             if self._length >= SIZE:
-                self._state = self._length = 0
+                self._state = self._length = self._bytes[0] = self._bytes[1] = 0
                 return
             self._bytes[2] = byte
             self._index, self._state = 3, 3
@@ -55,12 +58,19 @@ class OneBuffer:
     def take(self) -> tuple[int, bytes] | None:
         """Look: the function of the frame that waits and 16 bytes from its payload on, or None.
 
-        Behind a payload that is too short lies what the buffer held before.
+        Behind a payload that is too short lie zeros, or what a frame left that was written over.
+        Without a length there is nothing to sum, and the byte before the buffer is the checksum:
+        here it is 0, and what the buffer holds is executed.
         """
         if not self.waits:
             return None
-        self.waits = False
         length = self._length
-        if length < 5 or sum(self._bytes[2 : length - 1]) & 0xFF != self._bytes[length - 1]:
-            return None
-        return self._bytes[3], bytes(self._bytes[4:])
+        valid = sum(self._bytes[2 : max(2, length - 1)]) & 0xFF == self._bytes[length - 1] * (
+            length > 0
+        )
+        found = (self._bytes[3], bytes(self._bytes[4:])) if valid else None
+        # A frame that is coming in is cut short: its next byte ends it.
+        self._bytes[:length] = bytes(length)
+        self._length = 0
+        self.waits = False
+        return found

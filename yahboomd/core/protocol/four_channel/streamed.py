@@ -131,7 +131,6 @@ class Streamed(Dialect, frozen=True, kw_only=True):
         return not isinstance(self.decode(item), Unrecognised)
 
     def findings(self, settings: BoardSettings, profile: MotorProfile) -> Findings:
-        """The meaning of the stored settings for these motors."""
         return findings(settings, profile)
 
     def motion(

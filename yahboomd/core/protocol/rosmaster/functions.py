@@ -52,7 +52,7 @@ TYPE_BYTE: Final = 1
 """The board looks at its highest bit alone, which holds the heading: never set."""
 
 MOST_OUTPUT: Final = 3600
-OUTPUT_OFFSET: Final = 1600
+OUTPUT_OFFSET, SUNRISE_OFFSET = 1600, 2000
 """Of a motor's output, in PWM units: what the firmware adds to every share of it."""
 
 IN_FLASH: Final = 0x5F
@@ -101,14 +101,14 @@ def motion(vx: int, vy: int, wz: int) -> bytes:
     return frame(MOTION, TYPE_BYTE, *struct.pack("<3h", *numbers))
 
 
-def open_loop(outputs: tuple[int, ...]) -> bytes:
+def open_loop(outputs: tuple[int, ...], offset: int) -> bytes:
     """Outputs of the four motors in PWM units, none of which has regulation from now on.
 
     The board takes a share of 100, and puts it on top of a dead zone that cannot be left out: an
-    output up to there is none. A zero lets the motor go.
+    output up to there, which is ``offset``, is none. A zero lets the motor go.
     """
     shares = (
-        max(0, min(100, 100 * (abs(each) - OUTPUT_OFFSET) // (MOST_OUTPUT - OUTPUT_OFFSET)))
+        max(0, min(100, 100 * (abs(each) - offset) // (MOST_OUTPUT - offset)))
         * (1 if each > 0 else -1)
         for each in outputs
     )
@@ -165,7 +165,13 @@ def _gains(_motor: int, p: int, i: int, d: int) -> Decoded:
 
 _MEANINGS: Final[dict[int, tuple[struct.Struct, Callable[..., Decoded]]]] = {
     # The velocity is the board's own guess by 10 ms: the counts say it better.
-    SPEED: (struct.Struct("<3hB"), lambda _vx, _vy, _wz, tenths: Battery(volts=tenths / 10.0)),
+    SPEED: (
+        struct.Struct("<3hB"),
+        # Nothing was measured yet, where that is 0.
+        lambda _vx, _vy, _wz, tenths: (
+            Battery(volts=tenths / 10.0) if tenths else Unused(text="0 V")
+        ),
+    ),
     RAW_MPU9250: (struct.Struct("<9h"), _mpu9250),
     RAW_ICM20948: (struct.Struct("<9h"), _icm20948),
     ATTITUDE: (struct.Struct("<3h"), lambda *angles: Unused(text=" ".join(map(str, angles)))),
@@ -262,7 +268,6 @@ READ_SETTINGS: Final = (request(VERSION), request(CAR_TYPE), request(MOTOR_PID, 
 
 
 def findings(settings: BoardSettings, profile: MotorProfile) -> Findings:
-    """The meaning of the stored settings for these motors."""
     return Findings(
         unfit=tuple(_unfit(settings, profile)),
         wrong=tuple(useless_gains(settings)),

@@ -27,7 +27,9 @@ from yahboomd.core.protocol.rosmaster.functions import (
     CAR_RUN,
     IN_MEMORY,
     MOST_OUTPUT,
+    OUTPUT_OFFSET,
     READ_SETTINGS,
+    SUNRISE_OFFSET,
     TABLE,
     TYPE_BYTE,
     VERSION,
@@ -88,15 +90,12 @@ class Rosmaster(Dialect, frozen=True, kw_only=True):
         return self.brake
 
     def framer(self) -> PacketFramer:
-        """For packets and lines of text."""
         return PacketFramer()
 
     def decode(self, item: Item) -> Decoded:
-        """Packets by their function and length, text by its words."""
         return decode(item)
 
     def recognises(self, item: Item) -> bool:
-        """Any packet that has a meaning, and the banner of its start."""
         decoded = self.decode(item)
         if isinstance(item, Words):
             return isinstance(decoded, VersionLine)
@@ -157,6 +156,7 @@ class Rosmaster(Dialect, frozen=True, kw_only=True):
         vx, vy, wz = map(operator.index, units)
         return motion(vx, vy, wz)
 
-    def outputs(self, outputs: Units, settings: BoardSettings) -> bytes:  # noqa: ARG002
+    def outputs(self, outputs: Units, settings: BoardSettings) -> bytes:
         """Open loop, as shares of 100 of what lies above the board's own dead zone."""
-        return open_loop(tuple(map(operator.index, outputs)))
+        offset = SUNRISE_OFFSET if settings.get("car_type") == SUNRISE else OUTPUT_OFFSET
+        return open_loop(tuple(map(operator.index, outputs)), offset)
