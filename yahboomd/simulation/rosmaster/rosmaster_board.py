@@ -84,6 +84,7 @@ class RosmasterBoard:
         sensor = SENSORS.get(self.flash.imu)
         self._imu = None if sensor is None else ImuModel(sensor, random)
         self._gyro_zero: tuple[float, ...] = (0.0, 0.0, 0.0)
+        self._heading_zero = 0.0
         self._buffer = OneBuffer()
         self._deaf_ns = 0
         self._tick_ns = self._look_ns = self._battery_ns = self._cycle_ns = NEVER
@@ -198,6 +199,8 @@ class RosmasterBoard:
         self._replace_gains()
         # It takes one reading for the gyro's zero, wherever it moves.
         self._gyro_zero = (0.0, 0.0, 0.0)
+        self._plant.advance(now_ns)
+        self._heading_zero = self._plant.chassis.pose.theta
         if self._imu is not None:
             self._gyro_zero = self._measured(now_ns)[0]
         self._look_ns = now_ns if self._buffer.waits else NEVER
@@ -293,7 +296,8 @@ class RosmasterBoard:
 
     def _send_sensor(self, kind: int, now_ns: int) -> None:
         if kind == 0x0C:
-            theta = math.remainder(self._plant.chassis.pose.theta, math.tau)
+            turned_by = self._plant.chassis.pose.theta - self._heading_zero
+            theta = math.remainder(turned_by, math.tau)
             self._send(kind, struct.pack("<3h", 0, 0, short(theta * 1e4)), now_ns)
             return
         gyro, force, field = self._measured(now_ns)
