@@ -45,6 +45,12 @@ def nested() -> list:
         ),
         ("[chassis.motors]\nleft = [{}]\n", "left[0].position: missing; expected a whole number"),
         ("[chassis.motors]\nleft = { position = 1 }\n", "(a list stands in [ ])"),
+        ("[log]\nlevel = 'warn'\n", 'got "warn"; the nearest is "warning"'),
+        ("[ros2]\ndistro = 'Jazy'\n", 'or "rolling", got "Jazy"; the nearest is "jazzy"'),
+        ("[ros2]\ndistro = 'mango'\n", 'or "rolling", got "mango"; the nearest is "lyrical"'),
+        ("[ros2]\ndistro = 'foxy'\n", 'or "rolling", got "foxy"; the nearest is "humble"'),
+        ("[ros2]\ndistro = ''\n", 'got ""; the nearest is "humble"'),
+        ("[zenoh]\nmode = 'xyzzy'\n", 'or "client", got "xyzzy"'),
     ],
 )
 def test_a_mistake_says_what_was_expected_and_what_was_found(complaints, text, words):

@@ -114,9 +114,11 @@ def test_colcon_builds_it_with_all_of_its_files(installed) -> None:
     assert (index / "yahboomd_bringup").is_file()
 
 
-def ask(installed: Path, code: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+def ask(
+    installed: Path, code: str, *arguments: str, sourced: str = "kilted"
+) -> subprocess.CompletedProcess[str]:
     (modules,) = installed.glob("lib/python*/site-packages")
-    environment = {**os.environ, "PYTHONPATH": str(modules), "ROS_DISTRO": "kilted"}
+    environment = {**os.environ, "PYTHONPATH": str(modules), "ROS_DISTRO": sourced}
     head = "import sys; from yahboomd_bringup.robot import Robot;"
     return run(built("bringup"), "-c", head + code, *arguments, env=environment)
 
@@ -148,6 +150,16 @@ def test_a_mistake_is_named_in_yahboomds_words(installed, tmp_path, text, comman
     config = tmp_path / "config.toml"
     config.write_text(text)
     assert said in ask(installed, "Robot(*sys.argv[1:])", str(config), command).stderr
+
+
+def test_a_distribution_that_is_unknown_is_refused_with_the_nearest_one(installed) -> None:
+    code = "print(Robot(*sys.argv[1:]).facts['ros2']['distro'])"
+    refused = ask(installed, code, "", YAHBOOMD, sourced="mango").stderr
+    assert 'or "rolling", got "mango"; the nearest is "lyrical"' in refused
+    assert "distro:=NAME" in refused
+    named = ask(installed, code, "", YAHBOOMD, "lyrical", sourced="mango")
+    assert named.stdout == "lyrical\n", named.stderr
+    assert ask(installed, code, "", YAHBOOMD, sourced="").stdout == "jazzy\n"
 
 
 def test_what_is_laid_over_a_file_replaces_values_and_leaves_the_rest(installed) -> None:

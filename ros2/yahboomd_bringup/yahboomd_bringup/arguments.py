@@ -19,6 +19,9 @@ def shared_arguments() -> List[DeclareLaunchArgument]:
         DeclareLaunchArgument(
             "yahboomd", default_value="yahboomd", description="the program, if not on the PATH"
         ),
+        DeclareLaunchArgument(
+            "distro", default_value="", description="of ROS 2; empty: the one that is sourced"
+        ),
     ]
 
 
@@ -34,9 +37,9 @@ def is_true(context: LaunchContext, name: str) -> bool:
 
 def named_robot(context: LaunchContext) -> Robot:
     """The robot that the arguments name; its configuration is asked for once."""
-    return _robot(text(context, "config"), text(context, "yahboomd"))
+    return _robot(*(text(context, name) for name in ("config", "yahboomd", "distro")))
 
 
 @lru_cache(maxsize=None)
-def _robot(config: str, command: str) -> Robot:
-    return Robot(config, command)
+def _robot(config: str, command: str, distro: str) -> Robot:
+    return Robot(config, command, distro)

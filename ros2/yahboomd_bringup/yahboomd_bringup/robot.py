@@ -3,11 +3,9 @@
 import json
 import os
 import subprocess
-from typing import Any, Dict, Sequence
+from typing import Any, Dict
 
 import yaml
-
-DISTRIBUTIONS = ("humble", "iron", "jazzy", "kilted", "lyrical", "rolling")
 
 Tree = Dict[str, Any]
 
@@ -22,23 +20,26 @@ class Robot:
     Args:
         config: Its file; "" is the one that the service reads.
         command: The program, if it is not on the PATH.
-        settings: Further ``--set`` of the program.
+        distro: The distribution of ROS 2; "": the one that is sourced, else the configuration's.
     """
 
-    def __init__(
-        self, config: str = "", command: str = "yahboomd", settings: Sequence[str] = ()
-    ) -> None:
+    def __init__(self, config: str = "", command: str = "yahboomd", distro: str = "") -> None:
         """Ask for the configuration.
 
         Raises:
-            BringupError: The program is not there, or the configuration has mistakes.
+            BringupError: The program is not there, it does not know the distribution, or the
+                configuration has mistakes.
         """
         self.command = command
-        distro = os.environ.get("ROS_DISTRO", "")
-        known = [f'ros2.distro="{distro}"'] if distro in DISTRIBUTIONS else []
+        distro = distro or os.environ.get("ROS_DISTRO", "")
         self.options = ["--config", config] if config else []
-        self.options += [part for each in (*known, *settings) for part in ("--set", each)]
-        self.facts: Tree = json.loads(self._ask("show", "--json"))
+        self.options += ["--set", f'ros2.distro="{distro}"'] if distro else []
+        try:
+            self.facts: Tree = json.loads(self._ask("show", "--json"))
+        except BringupError as error:
+            if "ros2.distro" not in str(error):
+                raise
+            raise BringupError(f"{error}\nTo launch it as another one: distro:=NAME") from error
 
     @property
     def namespace(self) -> str:

@@ -46,7 +46,7 @@ def of(tree, node: str) -> dict[str, object]:
 
 
 @pytest.mark.parametrize("chassis", [{}, MECANUM, CAR], ids=["differential", "mecanum", "car"])
-@pytest.mark.parametrize("distro", ["humble", "jazzy", "kilted"])
+@pytest.mark.parametrize("distro", ["humble", "jazzy", "kilted", "lyrical"])
 @pytest.mark.parametrize("package", PARAMETERS)
 def test_each_parameter_is_one_that_the_node_declares(package, distro, chassis) -> None:
     tree = PARAMETERS[package](config(chassis=chassis, ros2={"distro": distro}))

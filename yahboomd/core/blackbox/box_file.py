@@ -189,7 +189,6 @@ def read_header(data: bytes) -> Header:
 
 
 def _header(data: bytes) -> tuple[Header, int]:
-    """The header, and where the segments begin."""
     if len(data) < PREFIX.size or not data.startswith(MAGIC[:6]):
         raise NotABox("This is no black box of yahboomd.")
     magic, begin, length = PREFIX.unpack_from(data)

@@ -68,7 +68,6 @@ class Recorder:
     # The tap.
 
     def _look(self) -> None:
-        """Whether an anchor is to be written."""
         self.due = self._ring.turned and bool(self._dialect)
 
     def opened(self, port: str, byte_ns: int) -> None:

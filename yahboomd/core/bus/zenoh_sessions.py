@@ -130,7 +130,6 @@ def _place(text: str, options: BusOptions) -> str:
 
 
 def _short(text: str) -> str:
-    """Without the places in Zenoh's own source."""
     return " ".join(re.sub(r" at /\S+\.rs:\d+\.?", "", text).split()).rstrip(" .")
 
 

@@ -38,6 +38,8 @@ def words_for(error: ErrorDetails) -> str:
     if error["type"] == "missing":
         return f"missing; expected {takes}"
     hint = _HINTS.get(error["type"], "")
+    if error["type"] == "literal_error" and isinstance(value, str):
+        hint = _nearest(place, value.lower()[:60], schema.node_at(place)["enum"])
     if hint == _NO_QUOTES and (not isinstance(value, str) or toml_value(value) == value):
         hint = ""
     return f"expected {takes}, got {shown(value)}{hint}"
@@ -50,6 +52,14 @@ def shown(value: object) -> str:
     except (ValueError, RecursionError):
         return "a value too long to show"
     return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _nearest(place: Place, value: str, choices: list[str]) -> str:
+    close = difflib.get_close_matches(value, choices, n=1)
+    if not close and place == ("ros2", "distro"):
+        # They are in the order of the alphabet, and a newer one is most like the newest.
+        close = [choices[0], *(name for name in choices[1:-1] if name < value)][-1:]
+    return f'; the nearest is "{close[0]}"' if close else ""
 
 
 def _unknown(place: Place) -> str:

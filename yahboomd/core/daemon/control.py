@@ -278,7 +278,6 @@ class Controller:
                 self._holds.add(Hold(kind=FAULT, message=words, since_ns=now_ns))
 
     def _trouble(self, fault: Fault, now_ns: int) -> None:
-        """React to a wheel that does not obey."""
         if self._options.cuts(fault):
             self._limiter.halt()
             self._wheels.cut(now_ns)
@@ -330,7 +329,6 @@ class Controller:
         self.event(msgspec.structs.replace(event, message=words))
 
     def _stop_outcome(self) -> str | None:
-        """For :class:`StopReports`."""
         if self._wheels.attached:
             return "" if self._wheels.stop_sent else None
         holds = self._holds.active(self._clock.now_ns())

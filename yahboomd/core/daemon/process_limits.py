@@ -104,7 +104,6 @@ def check_limits(*, who: str) -> None:
 
 
 def _threads() -> int:
-    """The threads of all programs of this user."""
     found = 0
     for tasks in Path("/proc").glob("[0-9]*/task"):
         with suppress(OSError):  # it ended meanwhile

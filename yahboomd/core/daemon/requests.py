@@ -362,7 +362,6 @@ class Services:
         return ServiceReply(success=known, message=words, data=data)
 
     def _answer(self, request: BusQuery, reply: ServiceReply) -> Response:
-        """The answer in the encoding of the question."""
         encoding: Encoding = self._encoding
         if asked := request.payload or request.head:
             encoding = encoding_of(asked) or self._encoding

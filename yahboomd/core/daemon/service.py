@@ -247,7 +247,6 @@ class Daemon:
                 self._end_note()
 
     def _end_note(self) -> None:
-        """Note that this process left standing wheels."""
         self._notifier.standing()
         port_note.end(str(runtime_folder(self._environ, user_id=os.getuid())), os.getpid())
 

@@ -172,7 +172,6 @@ class LatchKeeper:
         self._state.wait_for(lambda: self._wish != wish, RETRY_S)
 
     def _log_outcome(self, by: str | None, error: Exception | None) -> None:
-        """Count, and log what changed."""
         if error is not None:
             self.failures += 1
             if by is None:

@@ -270,7 +270,6 @@ class LocalStop:
             self._decide(connection)
 
     def _decide(self, connection: _Connection) -> None:
-        """Carry out the request, complete or not."""
         sock = self._forget(connection)
         asked = connection.data.strip()
         if not connection.data:
