@@ -80,6 +80,7 @@ def test_without_a_link_it_names_the_systems_own_port(start: object) -> None:
         ),
         (["--plugs", "1,2,3"], "--plugs takes a plug for each of 2 motors, such as --plugs=1,3"),
         (["--plugs", "1,x"], "not '1,x'"),
+        (["--drive", "ackermann", "--plugs", "1"], "each of 2 motors, such as --plugs=2,4"),
         (["--plugs", "1,1"], "two motors share a position"),
         (["--do", "explode"], "unknown command 'explode'"),
         (["--truth", "/nowhere/truth"], "cannot be written to /nowhere/truth: No such file"),
