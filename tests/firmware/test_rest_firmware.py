@@ -21,7 +21,7 @@ pytestmark = ON_THE_FIRMWARE
 ROLLED_MM = {0.05: 15.0, 0.1: 25.0, 0.2: 60.0}
 """The farthest of the quick motors."""
 SLOW_MM = {0.05: 65.0, 0.1: 125.0, 0.2: 240.0}
-"""The board's loop with its stored gains needs long to catch the motors that lag by 0.2 s or more."""
+"""Motors that lag by 0.2 s or more: with its stored gains the board's loop needs long."""
 
 
 def outputs(bench: RobotBench) -> list[int]:
