@@ -221,7 +221,7 @@ class Ear:
 
 
 class Difference(msgspec.Struct, frozen=True):
-    """Where the two boards part, and what both were told."""
+    """A difference between the two boards, and what both heard."""
 
     what: str
     firmware: str
@@ -229,8 +229,8 @@ class Difference(msgspec.Struct, frozen=True):
     steps: list[Step]
 
     def __str__(self) -> str:
-        told = "".join(f"\n    {step.pause_ns / MS:6.1f} ms, {step.data!r}" for step in self.steps)
-        return f"{self.what}\n  firmware: {self.firmware}\n  simulated: {self.simulated}{told}"
+        heard = "".join(f"\n    {step.pause_ns / MS:6.1f} ms, {step.data!r}" for step in self.steps)
+        return f"{self.what}\n  firmware: {self.firmware}\n  simulated: {self.simulated}{heard}"
 
 
 Parting: TypeAlias = tuple[str, str, str]
@@ -294,22 +294,22 @@ class Comparison:
         streams = sum(bool(STREAM.fullmatch(text.text)) for text in texts[0]) > FEW
         if self._simulated.close_calls(frames, PASS_NS if streams else 0):
             self.counted["blocks that a close call left unjudged"] += 1
-            self._begin_anew()
+            self._start_over()
             return
         if kind == "streams" and self._simulated.hangs:
             # The firmware often does, too.
             self.counted["blocks with too few numbers within lines of speeds, not judged"] += 1
-            self._begin_anew()
+            self._start_over()
             return
         found = [
             Difference(f"{kind}: {what}", *each, steps) for what, *each in self._judged(*texts)
         ]
         self.differences += found
         if found:
-            self._begin_anew()
+            self._start_over()
         elif not any(STREAM.fullmatch(text.text) for text in texts[0][-1:]):
             self.counted["hung boards"] += 1
-            self._begin_anew()
+            self._start_over()
 
     # Both boards on one time.
 
@@ -343,7 +343,7 @@ class Comparison:
         self._simulated.near_calls = self._simulated.near_speeds = 0
         return begin_ns
 
-    def _begin_anew(self) -> None:
+    def _start_over(self) -> None:
         """Have both store the same again, and count from 0."""
         self._fail_power()
         self._run(self._now_ns + 100 * MS)
@@ -448,7 +448,7 @@ class Comparison:
         for k in range(shift, len(one) - shift):
             self.counted["outputs"] += 1
             # A write holds interrupts up: one finds as many counts more as it is late, and some
-            # are lost, which shows until the loops begin anew. Within streams it may begin a whole
+            # are lost, which shows until the loops start over. Within streams it may begin a whole
             # pass later, and as many are lost as happens.
             held_up = self._samples[k + 1].writes or (held_up and self._samples[k].regulates)
             if one[k] == other[k]:

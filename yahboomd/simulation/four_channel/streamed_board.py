@@ -466,7 +466,7 @@ class StreamedBoard:
         *,
         then: Callable[[int], None],
     ) -> None:
-        """Store values one by one, and write the page anew for each."""
+        """Store values one by one, and write the page again for each."""
         fails = self._random.randrange(len(names)) if self.cut_writes else NEVER
         self.cut_writes = max(0, self.cut_writes - 1)
 
