@@ -431,7 +431,7 @@ class Comparison:
         if len(totals) != 2 or totals[0] is None or totals[1] is None:
             return "counters", str(one[-1:]), str(other[-1:])
         apart = [int(totals[0][place]) - int(totals[1][place]) for place in range(2, 6)]
-        before, self._apart = self._apart, apart
+        before, self._apart = self._apart if not reset else [0] * CHANNELS, apart
         law = self._plant.motors[0].law
         most = law.max_speed_m_s * law.ticks_per_metre * TICK_NS / NS_PER_S if reset else MISSED
         if max(abs(new - old) for new, old in zip(apart, before, strict=True)) <= most:
