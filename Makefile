@@ -39,7 +39,7 @@ $(VENV)/.dev: pyproject.toml make/bootstrap.py
 
 ##@ Use it
 .PHONY: run
-run: $(VENV)/.run ## start daemon and page: on a simulated board, or on a real one with PORT=/dev/... (ARGS=--listen: for phones)
+run: $(VENV)/.run ## start daemon, page and moves: on a simulated board, or on a real one with PORT=/dev/... (ARGS=--listen: for phones)
 	@exec $(PY) make/make_run.py $(if $(PORT),--port $(PORT)) $(ARGS)
 
 ##@ Check a change
@@ -154,7 +154,7 @@ bench-short: $(VENV)/.dev ## the same in a short form, only to see that it works
 
 .PHONY: moves
 moves: $(VENV)/.dev ## 400 random moves on simulated robots beside a plain loop: the table of docs/moves.md (8 minutes; ARGS='--moves 64')
-	@PYTHONPATH=tests/plugins $(PY) -m benchmarks.moves $(ARGS)
+	@PYTHONPATH=tests/plugins $(PY) -m benchmarks.move_table $(ARGS)
 
 heading: $(VENV)/.dev ## the heading by wheels and gyro on simulated bases, the table of docs/odometry.md (20 minutes; ARGS='--runs 8')
 	@$(PY) -m benchmarks.fused_heading $(ARGS)

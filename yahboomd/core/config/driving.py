@@ -120,6 +120,7 @@ class Command(Section):
             "cmd_vel": Source(priority=10),
             "cmd_vel/teleop": Source(priority=100, timeout_s=0.3),
             "cmd_vel/web": Source(priority=50, timeout_s=0.3),
+            "cmd_vel/moves": Source(priority=5, timeout_s=0.3),
         },
         description="The keys, below the namespace, on which velocity commands arrive. Given in "
         "a file, they replace the default ones.",

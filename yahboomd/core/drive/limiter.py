@@ -93,7 +93,6 @@ class Limiter:
 
     @property
     def halted(self) -> bool:
-        """Whether the last step ended in a standstill."""
         return self._vx.speed == self._vy.speed == self._wz.speed == 0.0
 
     def reset(self, twist: Twist2d) -> Twist2d:
