@@ -24,7 +24,6 @@ HINT = """\
 
 Now, in a second terminal, in this folder ({folder}):
   .venv/bin/yahboomd drive{options}      drive it with the keyboard
-  .venv/bin/yahboomd move straight 1{options}    drive a metre; turn 90deg turns it
   .venv/bin/yahboomd monitor{options}    watch it
 Ctrl-C ends it here.
 
@@ -104,7 +103,7 @@ def _drive(
     listen: str,
     own: tuple[str, ...] = (),
 ) -> int:
-    """Run the daemon; once it listens start the page and the moves, and print how to drive.
+    """Run the daemon, and once it listens start the page and print how to drive.
 
     Args:
         port: The board's port.
@@ -120,7 +119,7 @@ def _drive(
         signal.signal(number, lambda number, _: daemon.send_signal(number))
     deadline = time.monotonic() + PATIENCE_S
     invited = False
-    children: list[subprocess.Popen[bytes]] = []
+    page: subprocess.Popen[bytes] | None = None
     while True:
         try:
             if not invited and (listener(endpoints) == daemon.pid or time.monotonic() > deadline):
@@ -128,15 +127,11 @@ def _drive(
                 options = "".join(f" {shlex.quote(word)}" for word in more)
                 sys.stdout.write(HINT.format(folder=Path.cwd(), options=options))
                 sys.stdout.flush()
-                children.append(subprocess.Popen([*_yahboomd(), "web", "--listen", listen, *more]))
-                # Quiet: what it reports, the page's server reports too.
-                moves = [*_yahboomd(), "moves", *more]
-                children.append(subprocess.Popen(moves, stdout=subprocess.DEVNULL))
+                page = subprocess.Popen([*_yahboomd(), "web", "--listen", listen, *more])
             status = daemon.wait(None if invited else 0.05)
-            for child in children:
-                child.terminate()
-            for child in children:
-                child.wait()
+            if page is not None:
+                page.terminate()
+                page.wait()
             return status if status >= 0 else 128 - status
         except subprocess.TimeoutExpired:
             continue

@@ -10,8 +10,6 @@ import json
 import sys
 import threading
 
-TOPICS = ("cmd_vel", "/tf", "/tf_static", "joint_states")
-
 
 def say(**line):
     print(json.dumps(line), flush=True)
@@ -27,7 +25,7 @@ def stand_in(arguments):
     say(
         event="node",
         name=node.get_fully_qualified_name(),
-        topics={name: node.resolve_topic_name(name) for name in TOPICS},
+        topics={name: node.resolve_topic_name(name) for name in ("cmd_vel", "/tf", "joint_states")},
         parameters={
             name: parameter.value
             for name, parameter in node.get_parameters_by_prefix("").items()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from random import Random
 
 import pytest
 
@@ -206,3 +207,32 @@ def test_samples_as_far_apart_as_is_no_silence_are_integrated(sampled: Sampled) 
     sampled.show(1.0)
     assert sampled.gyro.believed
     assert sampled.gyro.turn(sampled.now_ns).angle == pytest.approx(0.075)
+
+
+@pytest.mark.parametrize("shakes", [0.0, 0.02, 0.1])
+def test_what_shakes_the_base_is_measured_in_motion_and_is_noise(shakes: float) -> None:
+    sampled, random = Sampled(), Random(1)
+    for _ in range(200):
+        sampled.show(random.gauss(0.0, 1e-3))
+    assert sampled.gyro.shaking == 0.0
+    sampled.gyro.moving = True
+    for _ in range(500):
+        sampled.show(0.5 + random.gauss(0.0, math.hypot(shakes, 1e-3)))
+    assert math.sqrt(sampled.gyro.shaking) == pytest.approx(math.hypot(shakes, 1e-3), rel=0.2)
+    sampled.gyro.turn(sampled.now_ns)
+    sampled.show(0.5)
+    least = 0.04 * 0.8 * math.hypot(shakes, 1e-3)
+    assert math.sqrt(sampled.gyro.turn(sampled.now_ns).noise) > least
+    # At rest it is not forgotten.
+    sampled.gyro.moving = False
+    before = sampled.gyro.shaking
+    sampled.run([0.0] * 300)
+    assert sampled.gyro.shaking == before
+
+
+def test_a_turn_that_begins_and_ends_shakes_nothing() -> None:
+    sampled = Sampled()
+    sampled.gyro.moving = True
+    for _ in range(20):
+        sampled.run([0.0] * 5 + [0.3, 0.8, 1.0] + [1.0] * 5 + [0.8, 0.3])
+    assert sampled.gyro.shaking == 0.0

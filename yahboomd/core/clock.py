@@ -24,12 +24,10 @@ _TFD_TIMER_ABSTIME = 1
 
 
 def seconds(ns: int) -> float:
-    """Nanoseconds as seconds."""
     return ns / NS_PER_S
 
 
 def nanoseconds(s: float) -> int:
-    """Seconds as whole nanoseconds."""
     return round(s * NS_PER_S)
 
 
@@ -78,7 +76,6 @@ class Pause:
 
     @property
     def duration_s(self) -> float:
-        """All of it, in seconds."""
         return seconds(self.until_ns - self.since_ns + self.suspended_ns)
 
 
@@ -176,7 +173,6 @@ class Schedule:
             self._alarm.set(self._next_ns)
 
     def advance(self, now_ns: int) -> None:
-        """Have the next beat now, and the others at periods from here on."""
         if self._on_beat is not None:
             self._resting = False
             self._next_ns = now_ns + self._period_ns
@@ -220,9 +216,7 @@ async def sleep_until(clock: Clock, deadline_ns: int) -> None:
         alarm.close()
 
 
-class LoopAlarm:
-    """An alarm on the timers of the running event loop."""
-
+class _LoopAlarm:
     def __init__(self, callback: Callable[[], None]) -> None:
         self._loop = asyncio.get_running_loop()
         self._callback = callback
@@ -240,6 +234,31 @@ class LoopAlarm:
 
     def close(self) -> None:
         self.set(None)
+
+
+class LoopClock:
+    """The running event loop's own time, which a virtual-time loop controls.
+
+    Wall time runs beside it from ``epoch_ns``, so that samples carry plausible stamps.
+    """
+
+    def __init__(self, epoch_ns: int = 1_700_000_000 * NS_PER_S) -> None:
+        self._epoch_ns = epoch_ns
+        self.slept_ns = 0
+        """The time a suspended machine slept, as a test pretends."""
+
+    def now_ns(self) -> int:
+        return round(asyncio.get_running_loop().time() * NS_PER_S)
+
+    def wall_ns(self) -> int:
+        return self._epoch_ns + self.now_ns()
+
+    def suspended_ns(self) -> int:
+        return self.slept_ns
+
+    def alarm(self, callback: Callable[[], None]) -> Alarm:
+        """An alarm on the loop's own timers."""
+        return _LoopAlarm(callback)
 
 
 class _ITimerSpec(ctypes.Structure):
@@ -332,4 +351,4 @@ class SystemClock:
             return _KernelAlarm(self._libc, callback)
         except OSError:
             # It waits in whole milliseconds, which is no reason to leave the wheels to themselves.
-            return LoopAlarm(callback)
+            return _LoopAlarm(callback)

@@ -52,7 +52,6 @@ EventKind: TypeAlias = Literal[
     "pose_refused",
     "pose_set",
     "reset_loop",
-    "rolled",
     "router_joined",
     "router_lost",
     "runaway_against",

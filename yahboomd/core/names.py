@@ -20,6 +20,7 @@ _CHUNK = re.compile(r"[^*$?#/@\s\x00-\x1f][^*$?#/\s\x00-\x1f]*\Z")
 _SURROGATE = re.compile("[\ud800-\udfff]")
 
 NOT_UTF8 = "it is not UTF-8"
+"""Said of text with bytes that are no character."""
 
 
 def is_utf8(text: str) -> bool:
@@ -88,7 +89,6 @@ def is_local(endpoint: str) -> bool:
 
 
 def source_words(key: str | None) -> str:
-    """A source of commands at the beginning of a sentence for people."""
     return "The page" if key == PAGE_SOURCE else str(key)
 
 

@@ -22,8 +22,6 @@ COMMANDS = {
     "status": "print a daemon's state, and whether it can drive",
     "pose": "print the robot's pose, or set it",
     "send": "drive for a number of seconds",
-    "move": "drive straight, turn, go to a place, follow a path",
-    "moves": "serve moves to their goals, for `yahboomd move` and programs",
     "call": "call a service of the daemon",
     "events": "print events as they happen",
     "record": "write the messages of the bus to MCAP files",
@@ -92,14 +90,12 @@ def _from_here(path: Path) -> Path:
 
 
 def pasteable(text: str) -> str:
-    """The text with every `yahboomd COMMAND` in it as the person has to type it."""
     if _PASTED.search(text) is None or (called := name()) == "yahboomd":
         return text
     return _PASTED.sub(lambda _found: f"{called} ", text)
 
 
 def install_command(extra: str) -> str:
-    """The command that adds an extra to the environment that runs this program."""
     python = Path(sys.executable)
     source = Path(__file__).parents[2]
     package = "yahboomd"

@@ -143,12 +143,10 @@ def robot_slug(header: Header) -> str:
 
 
 def segments_of(data: bytes) -> bytes:
-    """What follows the header of a ring that was read."""
     return data[PREFIX.unpack_from(data)[1] :]
 
 
 def encode_header(header: Header) -> bytes:
-    """The bytes up to the first segment."""
     words = msgspec.json.encode(header)
     size = -(-(PREFIX.size + len(words)) // ALIGN) * ALIGN
     return (PREFIX.pack(MAGIC, size, len(words)) + words).ljust(size, b"\0")
@@ -208,7 +206,6 @@ def _header(data: bytes) -> tuple[Header, int]:
 
 
 def _inflated(data: bytes, most: int = INFLATED_MOST) -> tuple[bytes, bool]:
-    """The bytes of the ring, and whether the saved file was cut."""
     if not data.startswith(GZIP):
         return data, False
     inflate = zlib.decompressobj(16 + zlib.MAX_WBITS)
@@ -219,13 +216,11 @@ def _inflated(data: bytes, most: int = INFLATED_MOST) -> tuple[bytes, bool]:
 
 
 def deflated(data: bytes) -> bytes:
-    """The bytes of a saved file."""
     deflate = zlib.compressobj(4, wbits=16 + zlib.MAX_WBITS)
     return deflate.compress(data) + deflate.flush()
 
 
 def _records(segment: bytes) -> tuple[list[Record], bool]:
-    """The records of a segment, and whether it is damaged inside."""
     records: list[Record] = []
     at, end = 0, len(segment)
     base_ns, received = 0, Received(data=b"")

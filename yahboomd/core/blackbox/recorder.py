@@ -61,7 +61,6 @@ class Recorder:
         ring.on_turned = self._look
 
     def record(self, meaning: records.Meaning) -> None:
-        """Write a record of something that is rare."""
         kind, payload = encode(meaning)
         self._ring.write(kind, payload, self._now_ns())
 
@@ -130,18 +129,15 @@ class Recorder:
             self.record(records.Posed(stamp_ns=estimate.stamp_ns, pose=estimate.pose))
 
     def renewal(self, period_ns: int | None, *, each_line: bool, age_ns: int) -> None:
-        """The board's clock was chosen."""
         self.record(records.Renewal(period_ns=period_ns, each_line=each_line, age_ns=age_ns))
 
     def armed(self) -> None:
-        """The board was asked to stream."""
         self.record(records.Armed())
 
     def pose_set(self, pose: Pose2d, covariance: Matrix3 | None) -> None:
         self.record(records.PoseSet(pose=pose, covariance=covariance))
 
     def steered(self, curvature_per_m: float, now_ns: int) -> None:
-        """A car was commanded to drive this curve."""
         kind, payload = encode(records.SteerRecord(curvature_per_m=curvature_per_m))
         self._ring.write(kind, payload, now_ns)
 

@@ -282,7 +282,6 @@ _KINDS = {meaning: kind for kind, meaning in _PACKED.items()}
 
 
 def encode(meaning: Meaning) -> tuple[int, bytes]:
-    """A record's kind and payload."""
     if isinstance(meaning, Received):
         return RECEIVED, meaning.data
     if isinstance(meaning, Written):

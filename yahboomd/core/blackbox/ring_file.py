@@ -185,7 +185,6 @@ class LeftRing:
 
 
 def rings(folder: Path) -> list[Path]:
-    """Every ring in a folder, the oldest first."""
     found = []
     with contextlib.suppress(OSError):
         for path in folder.iterdir():
@@ -196,7 +195,6 @@ def rings(folder: Path) -> list[Path]:
 
 
 def is_live(path: Path) -> bool:
-    """Whether the daemon of a ring runs."""
     try:
         fd = os.open(path, _TO_READ)
     except OSError:

@@ -192,13 +192,11 @@ class Bus:
 
     @property
     def zid(self) -> str:
-        """The id of the session that listens."""
         self._ready()
         return str(self._sessions[0].zid())
 
     @property
     def neighbours(self) -> tuple[Neighbour, ...]:
-        """The sessions that this one is connected to."""
         return self._neighbours.now()
 
     def status_values(self) -> dict[str, int]:
@@ -371,7 +369,6 @@ class Bus:
         return self._declare(Survey(self.key(selector), handler, self._ready()))
 
     def watch_neighbours(self, handler: Callable[[list[NeighbourChange]], None]) -> None:
-        """Have connections reported that are made or lost from now on."""
         self._neighbours.watch(handler)
 
     @property

@@ -80,7 +80,6 @@ class BusOptions(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def listening(self) -> tuple[str, ...]:
-        """All endpoints that the session listens on."""
         if self.mode == "client":
             return ()
         if self.unix_socket is None:

@@ -29,7 +29,6 @@ class Token:
         self._tokens: list[zenoh.LivelinessToken] = []
 
     def attach(self, session: zenoh.Session) -> None:
-        """Declare the token in this session too."""
         self._tokens.append(session.liveliness().declare_token(self.key))
 
 
@@ -146,7 +145,6 @@ class Neighbours:
         self._lane = inbox.lane(self._changed, depth=1024)
 
     def attach(self, session: zenoh.Session) -> None:
-        """Follow this session's connections too."""
         self._own |= {stamp_id(str(session.zid()))}
         self._update_stampers()
         index = len(self._sessions)
@@ -168,7 +166,6 @@ class Neighbours:
         self._watchers.append(watcher)
 
     def now(self) -> tuple[Neighbour, ...]:
-        """All that are connected, in the order in which they came."""
         return tuple(self._present.values())
 
     def sent_ns(self, timestamp: zenoh.Timestamp | None) -> int | None:
@@ -226,7 +223,6 @@ class Neighbours:
 
 
 def stamp_id(zid: str) -> int:
-    """A Zenoh id as a number, to be compared with :func:`stamper`."""
     return int(zid, 16)
 
 

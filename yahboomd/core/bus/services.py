@@ -201,7 +201,6 @@ class Service:
         return tuple(self._tasks)
 
     def _admit(self, query: zenoh.Query) -> Pending:
-        """Decide all that depends on what a query carries, before anything of it is kept."""
         oversize = carried_bytes(query) > self._max_bytes
         raised = (
             self._harmless is not None

@@ -136,7 +136,6 @@ class Subscription:
 
     @property
     def flooded(self) -> bool:
-        """Whether more comes than is taken sample by sample."""
         return bool(self._rings)
 
     def close(self) -> None:

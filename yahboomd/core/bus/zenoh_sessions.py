@@ -41,7 +41,6 @@ _LISTENING = "0A"
 
 
 def open_failure(error: Exception, options: BusOptions) -> BusError:
-    """The reason why the session did not open, and a remedy."""
     text = str(error)
     if "Address already in use" in text:
         return _in_use(text, options)

@@ -59,7 +59,6 @@ class Calibration(Section):
 
 
 def geometry_of(config: Config) -> Geometry:
-    """The robot as configured, without its calibration."""
     kinematics = config.kinematics()
     # The separation of a mecanum base is measured together with its axles.
     turns_by_base = kinematics.holonomic and kinematics.base_m

@@ -222,14 +222,13 @@ class Imu(Section):
         le=2.0,
         examples=[1.0],
         description="The true turn, for each turn that the gyro shows; calibrated to 0.1 %. "
-        "Absent: 1, with the tolerance of the sensor's datasheet in the covariance.",
+        "Absent: 1, with the datasheet's tolerance, and used once a clear turn showed the sign.",
     )
     frame_id: Frame = key(
         default="imu_link", description="Frame of the samples; its axes are those of the base."
     )
 
     def mounting(self) -> Mounting:
-        """The mounting and the calibration of the sensor."""
         return Mounting(self.axes, self.gyro_axes or self.axes, gyro_factor=self.gyro_scale or 1.0)
 
 
@@ -403,7 +402,6 @@ def given_motors(chassis: Chassis) -> dict[str, tuple[MotorEntry, ...]]:
 
 
 def preset_motors(chassis: Chassis) -> dict[str, tuple[MotorEntry, ...]]:
-    """The preset's motors, each replaced by the given one of the same position."""
     given = given_motors(chassis)
     return {
         wheel: tuple(

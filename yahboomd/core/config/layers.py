@@ -56,7 +56,6 @@ class Origin(NamedTuple):
 
     @property
     def in_file(self) -> bool:
-        """Whether in a file, rather than in the environment or on the command line."""
         return self.layer == 0
 
 
@@ -196,7 +195,6 @@ class Layers:
 
 
 def plain(text: str) -> str:
-    """Text on one line, whatever was typed."""
     return "".join(char if char.isprintable() else "?" for char in text)
 
 

@@ -174,7 +174,6 @@ def _validated(data: object) -> tuple[Config, list[ErrorDetails]]:
 
 
 def _wrong(layers: Layers, errors: list[ErrorDetails]) -> dict[Place, tuple[Origin, str]]:
-    """The places of pydantic's errors, each with its mistake."""
     wrong: dict[Place, tuple[Origin, str]] = {}
     for error in errors:
         # Only here: the words for mistakes take longer to load than a configuration without any.

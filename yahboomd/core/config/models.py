@@ -61,16 +61,13 @@ class Config(Section):
         return replace(self, chassis=replace(self.chassis, kinematics=kinematics, motors=motors))
 
     def kinematics_name(self) -> str:
-        """The name of the drive geometry: the preset's, if there is one."""
         chassis = self.chassis
         return PRESETS[chassis.preset][0] if chassis.preset else chassis.kinematics
 
     def motor_entries(self) -> dict[str, tuple[MotorEntry, ...]]:
-        """The motors by wheel, including the preset's."""
         return preset_motors(self.chassis) if self.chassis.preset else self.chassis.motors
 
     def kinematics(self) -> Kinematics:
-        """The drive geometry, calibration included."""
         chassis = self.chassis
         return KINEMATICS[self.kinematics_name()](
             separation_m=chassis.wheel_separation_m * chassis.wheel_separation_multiplier,
@@ -104,16 +101,13 @@ class Config(Section):
         return custom
 
     def radius_m(self, wheel: str) -> float:
-        """The radius of a wheel in metres, calibration included."""
         nominal = self.chassis.wheel_radius_m or self.profile().wheel_radius_m
         return nominal * self.chassis.wheel_radius_multiplier.get(wheel, 1.0)
 
     def ticks_per_revolution(self) -> float:
-        """Counts of one turn of a wheel."""
         return self.chassis.ticks_per_revolution or self.profile().ticks_per_revolution
 
     def motors(self) -> tuple[Motor, ...]:
-        """The motors, in the order of the geometry's wheels."""
         names = self.motor_names()
         return tuple(
             Motor(
@@ -130,7 +124,6 @@ class Config(Section):
         )
 
     def motor_names(self) -> dict[str, tuple[str, ...]]:
-        """The names of each wheel's motors in messages."""
         return {
             wheel: tuple(
                 entry.name or (wheel if len(entries) == 1 else f"{wheel}_{number}")
@@ -140,7 +133,6 @@ class Config(Section):
         }
 
     def sources(self) -> tuple[arbitration.AllowedSource, ...]:
-        """The sources of commands for the arbiter."""
         return tuple(
             arbitration.AllowedSource(
                 name=name, priority=source.priority, timeout_s=self.source_timeout_s(name)
@@ -149,15 +141,12 @@ class Config(Section):
         )
 
     def source_timeout_s(self, source: str) -> float:
-        """Seconds until the silence of a source stops the wheels."""
         return self.command.sources[source].timeout_s or self.command.timeout_s
 
     def joint_name(self, motor: str) -> str:
-        """The ROS 2 joint of a motor."""
         return self.ros2.joint_names.get(motor, f"{motor}_wheel_joint")
 
     def key(self, key: str) -> str:
-        """A key of the bus, below the namespace."""
         return f"{self.zenoh.namespace}/{key}" if self.zenoh.namespace else key
 
     def latch_path(self, environ: Mapping[str, str], *, user_id: int) -> Path:

@@ -51,7 +51,6 @@ def _whole() -> Node:
 
 
 def as_json() -> str:
-    """The JSON Schema, for editors."""
     head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "yahboomd"}
     return json.dumps({**_whole(), **head}, indent=2, ensure_ascii=False) + "\n"
 
@@ -64,7 +63,6 @@ def resolved(node: Node) -> Node:
 
 
 def node_at(place: Place) -> Node:
-    """The part of the models' schema that describes a place."""
     node = _whole()
     for part in place:
         inside = _entries(node)
@@ -74,7 +72,6 @@ def node_at(place: Place) -> Node:
 
 @cache
 def places() -> tuple[Place, ...]:
-    """Every key that there is."""
     return tuple(_places(_whole(), ()))
 
 
@@ -95,7 +92,6 @@ def entry_table(node: Node) -> Node | None:
 
 
 def takes(node: Node) -> str:
-    """The values that a key takes: "a number greater than 0"."""
     node = resolved(node)
     if "enum" in node:
         *names, last = map(inline, node["enum"])

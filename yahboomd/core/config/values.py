@@ -297,7 +297,6 @@ def _name(key: str) -> str:
 
 
 def inline(value: object) -> str:
-    """A value on one line, as TOML writes it."""
     match value:
         case bool():
             return "true" if value else "false"

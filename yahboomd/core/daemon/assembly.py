@@ -47,7 +47,6 @@ NOTED_WITHIN_S = 0.1
 
 
 def bus_options(config: Config) -> BusOptions:
-    """Options of the Zenoh session, from the configuration."""
     zenoh = config.zenoh
     return BusOptions(
         mode=zenoh.mode,
@@ -103,7 +102,6 @@ def control_options(config: Config) -> ControlOptions:
 
 
 def latch(config: Config, clock: Clock, environ: Mapping[str, str]) -> EstopLatch:
-    """The e-stop as it was left."""
     path = config.latch_path(environ, user_id=os.getuid())
     port = None if config.estop.latch_file else config.serial.port
     release = release_command(config.zenoh.namespace, config.zenoh.listen)
@@ -187,7 +185,6 @@ def _note(
     environ: Mapping[str, str],
     opened: Callable[[port_note.PortNote], None],
 ) -> None:
-    """Note how the port was opened, and which device it is."""
     folder = runtime_folder(environ, user_id=os.getuid())
     try:
         device = identify(os.stat(options.path))
@@ -211,7 +208,6 @@ def _note(
 
 
 def session_options(config: Config) -> SessionOptions:
-    """Options of a session with the board, from the configuration."""
     finest_m = min(motor.metres_per_tick for motor in config.motors())
     return SessionOptions(
         dialect=config.serial.dialect,

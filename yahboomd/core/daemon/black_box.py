@@ -138,7 +138,6 @@ class BoxKeeper:
 
     @property
     def tap(self) -> Tap:
-        """Sees the bytes of the line."""
         return self.recorder or NO_TAP
 
     def status_values(self) -> dict[str, Any]:
@@ -170,7 +169,6 @@ class BoxKeeper:
     # When it is saved.
 
     async def save_now(self) -> ServiceReply:
-        """Save it because a client asks for it. Returns what came of it."""
         if not self._recording:
             return ServiceReply(
                 success=False,
@@ -280,7 +278,6 @@ class BoxKeeper:
 
 
 def _words(error: BaseException) -> str:
-    """The first fault inside a group of them."""
     while isinstance(error, BaseExceptionGroup):
         error = error.exceptions[0]
     return f"{type(error).__name__}: {error}"[:400]

@@ -150,7 +150,6 @@ _REFUSED = "refused/"
 
 
 def _by_reason(counters: Counter[str]) -> dict[str, Any]:
-    """One source's counters, with what was refused in a group of its own."""
     refused = {
         name.removeprefix(_REFUSED): count
         for name, count in counters.items()
@@ -210,7 +209,6 @@ class PoseIntake:
         self._frame_id = frame_id
 
     def accept(self, arrivals: list[Arrival]) -> None:
-        """Set or refuse each, in the order of arrival."""
         for arrival in arrivals:
             wanted = self._decode(arrival.payload)
             if isinstance(wanted, str):

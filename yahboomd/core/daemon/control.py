@@ -373,11 +373,9 @@ class Controller:
         self._outputs.changed()
 
     def armed(self) -> None:
-        """The board is asked to stream its counts."""
         self._odometer.armed()
 
     def reading(self, reading: EncoderReading) -> None:
-        """Counts arrived: update the pose."""
         self.notice_pause()
         update = self._odometer.update(reading)
         for event in update.events:
@@ -423,7 +421,6 @@ class Controller:
         self._wheels.sent(units, self._clock.now_ns())
 
     def battery(self, volts: float) -> None:
-        """The voltage of the motors' supply."""
         self.volts = volts
         self._outputs.battery(volts)
         if (event := self.battery_watch.read(volts, self._clock.now_ns())) is not None:
@@ -448,7 +445,6 @@ class Controller:
         self._outputs.changed()
 
     def unavailable(self, error: YahboomdError) -> None:
-        """There is no board, or no longer."""
         was_connected = self._was_connected or self._wheels.attached
         self._was_connected = False
         self._wheels.detach()
@@ -526,7 +522,6 @@ class Controller:
     # Status.
 
     def status_values(self) -> dict[str, int | float]:
-        """Counters of the control path and of the odometry."""
         return {
             **self.counters,
             **self._odometer.counters,
@@ -537,11 +532,9 @@ class Controller:
 
     @property
     def decision(self) -> Decision:
-        """The latest word of the arbiter."""
         return self._decision
 
     def state(self) -> tuple[standing.State, str]:
-        """The state in one word, and why the robot stands, or that it drives."""
         now_ns = self._clock.now_ns()
         holds = self._holds.active(now_ns)
         state = standing.state_of(

@@ -8,7 +8,6 @@ import msgspec
 
 from yahboomd.core.drive.faults import Fault
 from yahboomd.core.drive.limiter import AxisCaps
-from yahboomd.core.drive.rest import AtRest
 from yahboomd.core.errors import BoardError
 from yahboomd.core.link.handshake import Identity
 from yahboomd.core.model import Kinematics, Motor
@@ -28,7 +27,7 @@ class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
         command_scale: Multiplier on command units.
         linear: Limits of vx and vy.
         angular: Limits of wz.
-        at_rest: What becomes of wheels that stand.
+        at_rest: Hold the wheels once they stand, or let them go.
         stall: What follows from a wheel that stands against its command.
         turns_without_command: What follows from a wheel that turns by itself.
         min_speed_m_s: Commands below it prove nothing about counts that stay away.
@@ -45,7 +44,7 @@ class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
     command_scale: float = 1.0
     linear: AxisCaps = AxisCaps()
     angular: AxisCaps = AxisCaps()
-    at_rest: AtRest = "auto"
+    at_rest: Literal["hold", "release"] = "hold"
     stall: Literal["stop", "report"] = "stop"
     turns_without_command: Literal["stop", "report"] = "report"
     min_speed_m_s: float = 0.08
@@ -79,7 +78,6 @@ class BoardFit(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def no_board(kinematics: Kinematics) -> BoardFit:
-    """The fit while no board is there: nothing can be commanded."""
     return BoardFit(motion=None, wheel_limits=(0.0,) * len(kinematics.wheels))
 
 

@@ -104,7 +104,6 @@ class Resets:
         self._watch = ResetWatch()
 
     def announced(self, version: str) -> None:
-        """The board announced a restart."""
         self._restarted(f"The board reset itself (firmware {version})")
 
     def interrupted(

@@ -127,7 +127,6 @@ class JournalFormatter(logging.Formatter):
     """Each line behind its priority; time and name are the journal's to add."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """The record, every line of it with the priority."""
         prefix = f"<{PRIORITIES.get(record.levelno, 6)}>"
         return "\n".join(prefix + line for line in readable(super().format(record)).splitlines())
 

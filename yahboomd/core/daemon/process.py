@@ -91,7 +91,6 @@ class Signals:
         self.at_once = True
 
     def install(self) -> None:
-        """Handle them from now on, on the running loop."""
         loop = asyncio.get_running_loop()
         self._installed = [*deadly(), signal.SIGCONT]
         for number in self._installed:
@@ -119,7 +118,6 @@ class Signals:
         log.info("Continued.")
 
     def resume(self) -> None:
-        """Prepare for the next suspension."""
         self.suspend.clear()
         self._await_suspension()
 
@@ -192,11 +190,9 @@ class Notifier:
 
     @property
     def heard(self) -> bool:
-        """Whether there is a manager."""
         return self._socket is not None
 
     def ready(self) -> None:
-        """Report that configuration and bus are ready."""
         self._send("READY=1")
 
     def stopping(self) -> None:
@@ -215,7 +211,6 @@ class Notifier:
             self._send(f"STATUS={words}")
 
     def alive(self) -> None:
-        """Feed the watchdog."""
         self._send("WATCHDOG=1")
 
     def port(self, note: PortNote) -> None:

@@ -111,7 +111,6 @@ class Pace:
         self._due_ns: int | None = None
 
     def due(self, now_ns: int) -> bool:
-        """Whether one may pass at this moment."""
         if self._due_ns is None or now_ns - self._due_ns > 4 * self._period_ns:
             self._due_ns = now_ns
         # Readings come on a grid of their own; one that is early by less than a quarter of a
@@ -226,7 +225,6 @@ class Publisher:
         return stamp_ns
 
     def status(self, sample: StatusSample) -> None:
-        """Publish how things stand."""
         self._newest[keys.STATUS] = lambda: sample
         self._status.put(self._encode(sample))
 
@@ -241,7 +239,6 @@ class Publisher:
         return None if make is None else make()
 
     def event(self, event: Event) -> int:
-        """Publish something that happened. Returns its stamp."""
         stamp_ns = self._stamps.now()
         self._events.put(self._encode(event_sample(event, stamp_ns=stamp_ns)))
         return stamp_ns

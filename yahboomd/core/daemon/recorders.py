@@ -46,7 +46,6 @@ class Recorders:
             return default
 
     def guarded(self, name: str, function: Callable[..., Result]) -> Callable[..., Any]:
-        """The same for callbacks: a function that may be called instead."""
 
         def call(*arguments: object, **named: object) -> Any:  # noqa: ANN401 - as the function
             if self._off and name in self._off:
@@ -62,17 +61,14 @@ class Recorders:
         return call
 
     def guard(self, name: str, part: object) -> None:
-        """Guard every public method of an object, in place."""
         for each in dir(part):
             if not each.startswith("_") and callable(method := getattr(part, each)):
                 setattr(part, each, self.guarded(name, method))
 
     def works(self, name: str) -> bool:
-        """Whether a part has not failed."""
         return name not in self._off
 
     def status_values(self) -> dict[str, Any]:
-        """What is switched off, and why."""
         off = "; ".join(f"{name}: {words}" for name, words in self._off.items())
         return {"recorder_failures": self.failures, "recorders_off": off}
 

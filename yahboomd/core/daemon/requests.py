@@ -165,14 +165,12 @@ class Operator:
         return True, words
 
     def set_pose(self, pose: Pose2d, covariance: Matrix3 | None) -> str:
-        """Set the pose. Returns what was done."""
         self._controller.set_pose(pose, covariance)
         words = f"The pose is x {pose.x:g} m, y {pose.y:g} m, theta {pose.theta:g} rad."
         self._controller.event(Event(kind="pose_set", severity="info", message=words))
         return words
 
     def refuse_pose(self, problem: str) -> None:
-        """Count and report a sample that set no pose."""
         self._controller.counters["poses_refused"] += 1
         words = f"A pose was not set: {problem}."
         self._controller.event(Event(kind="pose_refused", severity="warning", message=words))

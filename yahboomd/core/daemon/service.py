@@ -88,7 +88,6 @@ class Daemon:
 
     @property
     def fatal_signal(self) -> int | None:
-        """The signal that ended it, where that asks for more than an orderly end."""
         return self._signals.fatal
 
     async def run(self) -> None:
@@ -330,7 +329,6 @@ class Daemon:
             alarm.close()
 
     def _identity(self, supervisor: Supervisor) -> dict[str, Any]:
-        """The identity of this robot, for processes of this machine."""
         session, configured = supervisor.session, self._config.serial.port
         ports = (configured, "" if session is None else session.port_name)
         state, why = self._controller.state()
@@ -353,7 +351,6 @@ class Daemon:
             call("The pose for ROS 2", self._ros2.estimate, estimate, stamp_ns)
 
     def imu(self, estimate: ImuEstimate) -> None:
-        """A sample of the inertial sensor."""
         call = self._recorders.call
         stamp_ns = call("The inertial sensor on the bus", self._publisher.imu, estimate)
         if stamp_ns is not None and self._ros2 is not None:

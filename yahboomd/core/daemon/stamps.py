@@ -43,7 +43,6 @@ class WallStamps:
         self.steps = 0
 
     def of(self, monotonic_ns: int) -> int:
-        """The Unix time of a moment on the monotonic clock."""
         stamp_ns = monotonic_ns + self.follow()
         if stamp_ns <= self._last_ns:
             self.held_back += 1

@@ -71,7 +71,6 @@ class Status:
         self._state_since, self._driver_since = _Moment(), _Moment()
 
     def sample(self) -> StatusSample:
-        """The status of the daemon now."""
         now_ns, clock_ns = self._clock.wall_ns(), self._clock.now_ns()
         offset_ns = now_ns - clock_ns
         decision = self._controller.decision
@@ -131,7 +130,6 @@ class Status:
         return facts
 
     def bus(self) -> dict[str, Any]:
-        """The session, and the routers that it joined."""
         routers = [
             each.address or each.zid for each in self._bus.neighbours if each.kind == "router"
         ]

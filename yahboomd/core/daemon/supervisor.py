@@ -138,7 +138,6 @@ class Supervisor:
             await sleep_until(self._clock, self._clock.now_ns() + nanoseconds(wait_s))
 
     def status_values(self) -> dict[str, int]:
-        """Counters of all sessions so far, and of reconnecting."""
         facts = Counter(self.counters)
         if self.session is not None:
             facts.update(self.session.status_values())

@@ -8,13 +8,12 @@ go where they do not obey.
 from __future__ import annotations
 
 from collections import Counter
-from typing import Protocol
+from typing import Literal, Protocol
 
 from yahboomd.core.clock import nanoseconds
 from yahboomd.core.daemon.fit import BoardFit, no_board
 from yahboomd.core.drive.faults import Fault
 from yahboomd.core.drive.kinematics import motor_speeds
-from yahboomd.core.drive.rest import AtRest, Rest
 from yahboomd.core.drive.standing import turning
 from yahboomd.core.drive.stop_watch import StopWatch
 from yahboomd.core.drive.wheels_check import WheelsCheck
@@ -41,6 +40,8 @@ JUDGED_NS = 15_000_000
 """Wheels are judged no more often, by what they counted since: a board that streams reports more
 often than a wheel can show anything new."""
 
+AtRest = Literal["hold", "release"]
+
 
 class WheelLink(Protocol):
     """The part of a session that commands the wheels."""
@@ -56,10 +57,6 @@ class WheelLink(Protocol):
 
     def release(self) -> None:
         """Send the release of the motors until a speed replaces it."""
-
-    @property
-    def cuts(self) -> bool:
-        """Whether it can release the motors; else it brakes instead."""
 
     @property
     def stop_sent(self) -> bool:
@@ -85,7 +82,7 @@ class Wheels:
 
     Args:
         motors: The motors, in the order of its wheels.
-        at_rest: What becomes of wheels that stand.
+        at_rest: Hold the wheels once they stand, or let them go.
         min_speed_m_s: Commands below it prove nothing about counts that stay away.
     """
 
@@ -101,12 +98,13 @@ class Wheels:
         names = tuple(motor.name for motor in motors)
         self._kinematics = kinematics
         self._motors = motors
+        self._at_rest = at_rest
         self._counters = counters
-        metres_per_tick = [motor.metres_per_tick for motor in motors]
         self._check = WheelsCheck(
-            names, min_speed_m_s=min_speed_m_s, metres_per_tick=metres_per_tick
+            names,
+            min_speed_m_s=min_speed_m_s,
+            metres_per_tick=[motor.metres_per_tick for motor in motors],
         )
-        self._rest = Rest(at_rest, names, metres_per_tick)
         self._stop_watch = StopWatch(names)
         self._board: WheelLink | None = None
         self._released = False
@@ -129,7 +127,6 @@ class Wheels:
         self._board = board
         self.fit = fit
         self._released = False
-        self._rest.drive()
         self._stop_watch.cancel()
         self._check.reset()
 
@@ -147,12 +144,10 @@ class Wheels:
 
     @property
     def noisy(self) -> bool:
-        """Whether the line to the board damages what it carries."""
         return self._board is not None and self._board.noisy
 
     @property
     def damages(self) -> int:
-        """The chunks from the board that the line damaged lately, counted."""
         return 0 if self._board is None else self._board.damages
 
     @property
@@ -166,7 +161,6 @@ class Wheels:
         self._stop_watch.cancel()
         self._stop_due_ns = None
         self._released = False
-        self._rest.drive()
         self._say(speeds)
 
     def stand(self, now_ns: int, *, at_once: bool) -> Fault | None:
@@ -207,17 +201,13 @@ class Wheels:
         fault = watch.check(now_ns, noisy=doubtful)
         if fault is not None or (due and watch.state == "overdue"):
             self.cut(now_ns)
-            if fault is None:
-                self._counters["slow_stops"] += 1
-                self._rest.let_go(max(map(abs, self.measured_m_s or (0.0,))))
+            self._counters["slow_stops"] += fault is None
         elif not self._released:
             # Of a wheel that never counted for its commands the counters prove no standstill, and
             # the board's speed loop would keep it as fast as it is.
-            owing, stood = self._check.owing, self._rest.lets_go and board.cuts
-            if watch.state == "stopped" and (owing or stood):
+            let_go = self._at_rest == "release" or self._check.owing
+            if let_go and watch.state == "stopped":
                 self.release(now_ns)
-                if not owing:
-                    self._rest.let_go()
             else:
                 self._say((0.0,) * len(self._kinematics.wheels))
         return fault
@@ -225,23 +215,17 @@ class Wheels:
     def stop_again(self, now_ns: int) -> None:
         """Send the next stop at once, and begin to watch for standstill again."""
         self._stop_due_ns = now_ns
-        if self._rest.free:
-            self._released = False
-            self._rest.drive()
         if self._stop_watch.state != "stopping":
             self._stop_watch.cancel()
 
     def release(self, now_ns: int) -> None:
-        """Release the motors, and repeat that until the wheels are to turn."""
         self._released = True
-        self._rest.free = False
         self.command_m_s = self.zeros
         self._check.command(now_ns, None)
         if self._board is not None:
             self._board.release()
 
     def cut(self, now_ns: int) -> None:
-        """Release the motors before everything else."""
         if self._board is not None:
             self._board.cut()
         self._counters["cuts"] += 1
@@ -310,11 +294,6 @@ class Wheels:
         if received_ns is not None and received_ns - asked_ns > LATE_NS and not self.noisy:
             self._held_up_ns = received_ns + SAID_AGAIN_NS
         self._stop_watch.measure(stamp_ns, speeds_m_s)
-        if (rolled := self._rest.measure(stamp_ns, ticks, stand=self.stopped)) is not None:
-            self._released = False
-            self._stop_watch.restart(stamp_ns)
-            self._say((0.0,) * len(self._kinematics.wheels))
-            return (rolled,)
         if 0 < stamp_ns - self._judged_ns < JUDGED_NS:
             return ()
         self._judged_ns, self._ticks = stamp_ns, ticks
@@ -342,7 +321,6 @@ class Wheels:
 
     @property
     def in_motion(self) -> bool:
-        """Whether they are commanded to turn, or seen to."""
         return any(self.command_m_s) or turning(self.measured_m_s or ())
 
     def _say(self, speeds: tuple[float, ...]) -> None:

@@ -53,7 +53,6 @@ class BatteryWatch:
         self._used_ns = 0
 
     def moves(self, now_ns: int) -> None:
-        """Note that the wheels are commanded to turn."""
         self._resting_since_ns = now_ns + RECOVERS_NS
 
     def forget(self) -> None:

@@ -72,7 +72,6 @@ class CommandSource:
         self.deadman.feed(given_ns)
 
     def drop(self) -> None:
-        """Revoke its command."""
         self.wish = None
         self.deadman.clear()
 

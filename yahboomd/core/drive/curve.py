@@ -58,7 +58,6 @@ class Curve:
         return Twist2d(vx=vx, wz=vx * per_m), too_tight
 
     def ramped(self, limited: Twist2d) -> Twist2d:
-        """The limited speed, along the curve."""
         if self._tightest_per_m is None:
             return limited
         return Twist2d(vx=limited.vx, wz=limited.vx * self.per_m)

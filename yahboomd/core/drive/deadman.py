@@ -46,5 +46,4 @@ class Deadman:
         return None if self._given_ns is None else now_ns - self._given_ns
 
     def expired(self, now_ns: int) -> bool:
-        """Whether nothing may move by this command."""
         return self._given_ns is None or now_ns - self._given_ns >= self.timeout_ns

@@ -53,7 +53,6 @@ class EmergencyStop:
 
     @property
     def engaged(self) -> bool:
-        """Whether the wheels must stand."""
         return self.latched is not None
 
     def engage(self, reason: str, by: str, now_ns: int) -> bool:

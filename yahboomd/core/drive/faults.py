@@ -19,7 +19,6 @@ FaultKind: TypeAlias = Literal[
     "no_counts",
     "off_speed",
     "stop_not_obeyed",
-    "rolled",
 ]
 Action: TypeAlias = Literal["cut", "policy", "report"]
 
@@ -45,7 +44,6 @@ class Fault(msgspec.Struct, frozen=True, kw_only=True):
     certain: bool = False
 
     def event(self) -> Event:
-        """The fault as an event for the bus."""
         return Event(
             kind=self.kind,
             severity="warning" if self.action == "report" else "error",

@@ -94,7 +94,6 @@ class ResetWatch:
         self._resets: deque[int] = deque(maxlen=MOST_RESETS)
 
     def reset(self, now_ns: int, *, in_motion: bool) -> Hold | None:
-        """Count a reset of the board. Returns the hold that follows from it."""
         self._resets.append(now_ns)
         if len(self._resets) == MOST_RESETS and now_ns - self._resets[0] <= WITHIN_S * NS_PER_S:
             return Hold(

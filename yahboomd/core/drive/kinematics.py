@@ -149,7 +149,6 @@ those that it does not use."""
 
 
 def unit_geometry(name: str) -> Kinematics:
-    """The geometry of that name with distances of 1 m, for its wheels and its abilities."""
     return KINEMATICS[name](separation_m=1.0, base_m=1.0)
 
 

@@ -66,7 +66,6 @@ class Limiter:
 
     @property
     def current(self) -> Twist2d:
-        """The latest limited velocity."""
         return Twist2d(vx=self._vx.speed, vy=self._vy.speed, wz=self._wz.speed)
 
     def limit(self, wanted: Twist2d, dt_s: float) -> Twist2d:
@@ -84,7 +83,6 @@ class Limiter:
         return self.current
 
     def clips(self, wanted: Twist2d) -> bool:
-        """Whether a command exceeds the velocity limit of any axis."""
         return self._vx.clips(wanted.vx) or self._vy.clips(wanted.vy) or self._wz.clips(wanted.wz)
 
     def halt(self) -> Twist2d:

@@ -31,7 +31,6 @@ SLOW_RAD_S = 0.1
 
 
 def turning(measured_m_s: Sequence[float]) -> bool:
-    """Whether any wheel does not stand, by the rim speeds of all."""
     return any(abs(speed) >= STANDING_M_S for speed in measured_m_s)
 
 

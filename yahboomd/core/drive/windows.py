@@ -58,7 +58,6 @@ class SlidingCounts:
         self._slices[-1][1][what] += 1
 
     def counts(self, now_ns: int) -> dict[str, int]:
-        """The count of each thing in the window."""
         self._forget(now_ns)
         total: Counter[str] = Counter()
         for _, counted in self._slices:

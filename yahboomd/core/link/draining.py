@@ -61,7 +61,6 @@ class OutputWatch:
         self._size, self._written_ns = size, now_ns
 
     def holds(self, now_ns: int) -> bool:
-        """Whether something waits still."""
         left = self._queued()
         # A time in which this process did not run shows nothing of the port.
         paused = self._least is not None and now_ns - self._looked_ns >= PAUSE_NS

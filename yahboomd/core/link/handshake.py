@@ -108,7 +108,6 @@ async def identify(line: Line, wanted: str = "auto", *, stop_first: bool = True)
 
 
 async def _recognised(line: Line, first: int, deadline_ns: int) -> str | None:
-    """The dialect, as soon as what was received shows it."""
     alarm = line.clock.alarm(line.news.set)
     alarm.set(deadline_ns)
     try:

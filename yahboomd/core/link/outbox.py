@@ -117,11 +117,9 @@ class Outbox:
         return True
 
     def request(self, request: Question) -> None:
-        """Queue a frame that waits for an answer."""
         self._requests.append(request)
 
     def withdraw(self, request: Question) -> None:
-        """Withdraw a request whose caller does not wait any more."""
         if request in self._requests:
             self._requests.remove(request)
 
@@ -131,7 +129,6 @@ class Outbox:
 
     @property
     def questions(self) -> bool:
-        """Whether a poll or a request waits."""
         return self._poll is not None or bool(self._requests)
 
     def waits(self, until_ns: int) -> bool:

@@ -10,7 +10,6 @@ from yahboomd.core.errors import LinkError, PortBusy, PortDenied, PortLost, Port
 
 
 def takes_no_output(path: str) -> PortLost:
-    """The error of a port that sends nothing of what was written."""
     return PortLost(
         f"{path}: the port takes no output.",
         remedy="It is opened again, which drops what it holds back. If that repeats, look at the "
@@ -19,7 +18,6 @@ def takes_no_output(path: str) -> PortLost:
 
 
 def explained(path: str, error: Exception) -> LinkError:
-    """The error to raise for a port that cannot be opened."""
     code = getattr(error, "errno", None)
     words = str(error)
     if code in {errno.ENOENT, errno.ENODEV, errno.ENXIO, errno.EIO}:

@@ -44,7 +44,6 @@ def identify(status: os.stat_result, *, sysfs: str = SYSFS) -> Device:
 
 
 def same(noted: Device, found: Device) -> bool:
-    """Whether two observations are of one device."""
     if noted[:2] == found[:2]:
         return True
     if noted.usb or found.usb:
@@ -77,7 +76,6 @@ def find(noted: Device, *, sysfs: str = SYSFS, dev: str = DEV) -> str | None:
 
 
 def is_pseudo(number: int) -> bool:
-    """Whether a device number is a pseudo-terminal's."""
     return os.major(number) in _PSEUDO_TERMINALS
 
 

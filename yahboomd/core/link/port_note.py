@@ -81,7 +81,6 @@ def end(folder: str, pid: int) -> None:
 
 
 def read(folder: str) -> list[PortNote]:
-    """The notes that can be used."""
     return [note for _, note in _found(folder)]
 
 

@@ -102,7 +102,6 @@ class Session:
 
     @property
     def recognised(self) -> bool:
-        """Whether a board was recognised on the port."""
         return self._line is not None and self._line.dialect is not None
 
     @property

@@ -57,7 +57,6 @@ class StandstillWatch:
         self._history.clear()
 
     def add(self, ticks: Counts, now_ns: int) -> None:
-        """A reading of the counters."""
         self._history.add(now_ns, ticks)
 
     @property
@@ -71,7 +70,6 @@ class StandstillWatch:
 
     @property
     def standing(self) -> bool:
-        """Whether every wheel was seen to stand."""
         speed = self.speed
         return speed is not None and speed < self._limit
 
@@ -147,7 +145,6 @@ class _LastWords:
         return held
 
     async def pause(self, ns: int) -> None:
-        """Send nothing for a while."""
         await sleep_until(self._clock, self._clock.now_ns() + ns)
 
 

@@ -37,7 +37,6 @@ class VitalTasks:
             raise _cause(group) from None
 
     def start(self, work: Coroutine[Any, Any, None], name: str) -> None:
-        """Run one more."""
         task = self._group.create_task(work, name=name)
         task.add_done_callback(self._ended)
         self._tasks.append(task)
@@ -49,7 +48,6 @@ class VitalTasks:
             self._over.set()
 
     async def failure(self) -> NoReturn:
-        """Wait for an error, and raise it."""
         await self._over.wait()
         assert self._error is not None
         raise self._error

@@ -123,11 +123,9 @@ class Writer:
 
     @property
     def stopping(self) -> bool:
-        """Whether a stop waits to be written."""
         return self._outbox.stopping
 
     def quiet(self) -> None:
-        """Send no velocity any more."""
         self._outbox.quiet()
 
     def poll(self, frame: bytes, timeout_ns: int) -> bool:
@@ -341,7 +339,6 @@ class Writer:
             self.counters["polls_unanswered"] += 1
 
     def _next_ns(self) -> int | None:
-        """The next moment at which there may be something to do."""
         asking = self._asking
         next_ns = self._outbox.due_ns(asking=asking)
         if next_ns is not None:

@@ -211,7 +211,6 @@ def joint_state(frame_id: str, names: Sequence[str]) -> JointEncoder:
 
 
 def imu(frame_id: str) -> ImuEncoder:
-    """An encoder of sensor_msgs/msg/Imu."""
     frame = frame_id.encode()
     pack = Layout().add("I", 4, 2).text(frame).add("d", 8, 37).packer()
 
@@ -242,7 +241,6 @@ def battery_state(frame_id: str) -> BatteryEncoder:
 
 
 def diagnostics(stamp_ns: int, frame_id: str, status: Sequence[Diagnostic]) -> bytes:
-    """A diagnostic_msgs/msg/DiagnosticArray."""
     out = bytearray(struct.pack("<4s2I", HEADER_LE, *stamp(stamp_ns)))
     put_text(out, frame_id)
     put_count(out, len(status))
@@ -306,7 +304,6 @@ def put_count(out: bytearray, count: int) -> None:
 
 
 def put_text(out: bytearray, text: str) -> None:
-    """Appends a string to a message, aligned."""
     data = text.encode(errors="replace")
     put_count(out, len(data) + 1)
     out += data

@@ -116,7 +116,6 @@ _DECODE_ANY: dict[str, Callable[[bytes], Any]] = {
 
 
 def encode(message: msgspec.Struct, encoding: NativeEncoding) -> bytes:
-    """The bytes of a native message."""
     return _ENCODERS[encoding](message)
 
 
@@ -238,7 +237,6 @@ def estop_by(payload: bytes) -> str:
 
 
 def _admit(payload: bytes) -> Encoding | Refusal:
-    """The encoding of a payload that is small enough and known."""
     size = len(payload)
     if size > MAX_PAYLOAD_BYTES:
         return Refusal("oversize", f"{size} bytes, {MAX_PAYLOAD_BYTES} at most")

@@ -43,7 +43,6 @@ def pose(pose: Pose2d) -> Numbers:
 
 
 def twist(twist: Twist2d) -> Numbers:
-    """Linear and angular velocity, 6 numbers."""
     return (twist.vx, twist.vy, 0.0, 0.0, 0.0, twist.wz)
 
 

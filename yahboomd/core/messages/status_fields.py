@@ -135,7 +135,6 @@ _COMMAND = {
     "no_counts": "wheels whose encoder showed no motion although they were commanded to turn",
     "off_speed": "wheels that turned at another speed than commanded",
     "stop_not_obeyed": "stops that the wheels did not obey",
-    "rolled": "times that wheels which were let go at rest rolled, and were held again",
     "estops": "times that the e-stop was engaged, engaged already or not",
     "estops_unread": "of these, by something too long to be read",
     "release_refused": "releases of the e-stop that were refused, on either key",
@@ -172,6 +171,7 @@ _COMMAND = {
     "gyro_silent": "times that the inertial sensor fell silent",
     "gyro_saturated": "times that the gyro was at its limit",
     "gyro_implausible": "times that the gyro was stuck, against the wheels, or had a new zero",
+    "gyro_unchecked": "times that the gyro was not used because its sign was not checked",
     "wheels_slipped": (
         "seconds in which the turns of wheels and gyro differed by more than 0.1 rad and four "
         "standard deviations"

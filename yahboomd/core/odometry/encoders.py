@@ -125,7 +125,6 @@ class Encoders:
 
     @property
     def notice(self) -> Notice:
-        """A step that was announced and is not settled yet."""
         return self._notice
 
     def announce(
@@ -169,7 +168,6 @@ class Encoders:
         return True
 
     def unmoved(self) -> Verdict:
-        """The verdict on a reading that repeats the last one."""
         assert self._last is not None
         return Verdict(outcome="travel", ticks=self._last, deltas=self._zero)
 
@@ -217,7 +215,6 @@ class Encoders:
         return self._settle(last, ticks, elapsed_ns, agreed, sure=sure, fresh=fresh)
 
     def accept(self, verdict: Verdict) -> None:
-        """Count the travel of a verdict and go on from its reading."""
         self._last = verdict.ticks
         if verdict.outcome != "travel":
             self._suspect = None

@@ -13,7 +13,7 @@ import msgspec
 
 from yahboomd.core.model import Vector3
 
-Problem: TypeAlias = Literal["silent", "saturated", "implausible"]
+Problem: TypeAlias = Literal["silent", "saturated", "implausible", "unchecked"]
 
 SILENT_NS = 150_000_000
 """Samples come every 40 ms; after so long without one the gyro is silent."""
@@ -29,6 +29,11 @@ SATURATED_SHARE = 0.99
 
 CORNER = 0.03
 """The share of a bend of the rate by which the trapezoid between samples is wrong."""
+
+SHAKEN_SAMPLES = 250
+SHAKEN_SHARE = 0.82
+"""In motion, the shaking is averaged over so many. White noise has this share of what it shows: of
+the products of two changes in a row, to and fro."""
 
 
 class GyroTurn(msgspec.Struct, frozen=True, kw_only=True):
@@ -53,10 +58,14 @@ class Gyro:
     Attributes:
         problem: Why it is not believed now; None while it is, or before its first sample.
         present: Whether it ever sent a sample.
+        moving: Whether the wheels turn: only then the shaking is measured.
+        shaken: The number of samples by which it was.
+        shaking: Variance of the rate by what is faster than the samples show, (rad/s)^2.
     """
 
     __slots__ = (
-        "_angle _noise _stamp_ns _rates _same _latest _good_since_ns problem present"
+        "_angle _noise _stamp_ns _rates _same _latest _good_since_ns "
+        "problem present moving shaken shaking"
     ).split()
 
     def __init__(self) -> None:
@@ -67,8 +76,10 @@ class Gyro:
         self._same = 0
         self._latest: tuple[Vector3, Vector3] | None = None
         self._good_since_ns: int | None = None
+        self.shaken = 0
         self.problem: Problem | None = None
-        self.present = False
+        self.present = self.moving = False
+        self.shaking = 0.0
 
     def accept(
         self,
@@ -118,7 +129,14 @@ class Gyro:
         if dt_ns <= SILENT_NS:
             self._angle += 0.5 * (rate_rad_s + before) * dt_s
             bend = CORNER * (rate_rad_s - 2.0 * before + last)
-            self._noise += (noise_rad_s * noise_rad_s + bend * bend) * dt_s * dt_s
+            # A turn that begins or ends changes the rate one way; shaking, to and fro.
+            shaking = SHAKEN_SHARE * max(0.0, (before - rate_rad_s) * (before - last))
+            if self.moving:
+                self.shaken = min(self.shaken + 1, SHAKEN_SAMPLES)
+                self.shaking += (shaking - self.shaking) / self.shaken
+                shaking = self.shaking
+            noise = max(noise_rad_s * noise_rad_s, shaking)
+            self._noise += (noise + bend * bend) * dt_s * dt_s
 
     def refuse(self, problem: Problem) -> None:
         """Do not believe it, until it has behaved for a while."""

@@ -15,7 +15,7 @@ import math
 
 from yahboomd.core.model import Event, ImuReading
 from yahboomd.core.odometry.gyro import Gyro, Problem
-from yahboomd.core.odometry.heading_filter import HeadingFilter
+from yahboomd.core.odometry.heading_filter import BIAS_RAD_S, GATE, LATE_S, HeadingFilter
 
 TURN_SLIP: dict[str, float] = {"skid_steer": 0.04, "mecanum": 0.01, "ackermann": 0.01}
 """Variance of the wheels' turn for each radian, rad^2: what a floor makes of the effective track.
@@ -24,11 +24,15 @@ TURN_SLIP: dict[str, float] = {"skid_steer": 0.04, "mecanum": 0.01, "ackermann":
 BELIEVED = 1e-6
 """The share of the rolling variance with which the filter that believes the wheels counts."""
 
-REFUTED = 9.2
+REFUTED = 7.0
 """The other filter is 10,000 times likelier: the logarithm of that."""
 
-TRUSTED = -10.0
+TRUSTED = -8.0
 """However long the wheels were right: so soon their first slip is noticed."""
+
+CATCH_UP_RAD_S = 0.2
+"""The heading follows no faster beyond what a step itself shows, for a pose never jumps (REP 105):
+where a slip is found out, or one filter gives way to the other."""
 
 CALIBRATED = 6e-4
 """Standard deviation of a gyro's scale after it was calibrated to 0.1 %."""
@@ -41,15 +45,32 @@ SLIP_RAD = 0.1
 SLIP_DEVIATIONS = 4.0
 """An event says so where the turns of a second differ by more than both."""
 
-AGAINST_RAD = 0.3
-"""A gyro that turns against the wheels over so much is mounted or configured otherwise."""
-TURNING_RAD = 0.04
-"""Windows in each of which the wheels turn so far, one way, are one turn."""
+CLEAR_RAD = 0.6
+"""Turns of the wheels that add up to so much, either way, show the sign of the gyro."""
+CLEAR_SHARE = 0.6
+"""... if in seconds the gyro's are at least this share of them, and they of the gyro's."""
+SLOWEST_RAD = 0.002
+"""A turn in a second in which the ticks of a wheel come and go."""
 
 STEADY_S = 3.0
-"""A gyro that shows one rate for so long beside wheels that stand shows its bias."""
+"""A gyro that shows one rate for so long beside standing wheels shows its bias, or an even turn."""
 STEADY_DEVIATIONS = 5.0
 """No hand turns a robot as evenly as within so many deviations of the sensor's noise."""
+EVEN_SAMPLES = 4
+UNEVEN_DEVIATIONS = 10.0
+"""A sample that is so far from the mean of so many begins another rate."""
+DRIFT_RAD_S2 = 4e-4
+"""No temperature changes a bias faster: 0.24 degrees/s for a kelvin, 0.1 kelvin in a second."""
+PLAUSIBLE_RAD_S = 0.35
+"""No bias is larger: 20 degrees/s, the initial tolerance by the datasheet of an MPU-6050. That of
+an MPU-9250 or ICM-20948 is 5, and 5 more for 20 kelvin."""
+
+FEW_SAMPLES = 10
+UNMEASURED_RAD_S = 0.1
+"""How much a base may shake before so many samples in motion showed it."""
+
+SHAKEN_S = 0.1
+"""Shaking at nearly the rate of the samples looks like a slow one: off by its rate over so long."""
 
 
 class Heading:
@@ -59,16 +80,17 @@ class Heading:
         counters: Where it is counted what goes wrong.
         tick_variance: Of the wheels' heading by the ticks of their encoders, rad^2.
         scale: Standard deviation of the gyro's scale where it was calibrated, as a share; None
-            leaves it to the sensor.
+            leaves it to the sensor, and its sign to the first clear turn.
+        fused: The heading is used: a gyro that is not, yet, is reported.
 
     Attributes:
         events: What happened since they were taken.
     """
 
     __slots__ = (
-        "_turn_slip _tick_variance _play _known_scale _scale _gyro _believing _doubting _angle"
-        " _wheels _anchor _rate _window _way _rest _noise_rad_s _slipping _against _problem "
-        "events _counters"
+        "_turn_slip _tick_variance _play _known_scale _scale _fused _gyro _believing _doubting "
+        "_angle _wheels _anchor _parted _error _rate _window _apart _way _sign _added _rest "
+        "_doubted _noise_rad_s _slipping _problem events _counters"
     ).split()
 
     def __init__(
@@ -78,6 +100,7 @@ class Heading:
         *,
         tick_variance: float,
         scale: float | None = None,
+        fused: bool = True,
     ) -> None:
         self._turn_slip = TURN_SLIP.get(geometry, 0.0)
         self._tick_variance = tick_variance
@@ -88,11 +111,14 @@ class Heading:
         self._believing: HeadingFilter | None = HeadingFilter()
         self._doubting = HeadingFilter()
         self._angle: float | None = None
-        self._wheels = self._anchor = 0.0
+        self._wheels = self._anchor = self._parted = self._error = 0.0
         self._rate: tuple[float, float] | None = None
-        self._window, self._way = _Window(), _Window()
-        self._rest = _Rest()
-        self._slipping = self._against = False
+        self._fused = fused
+        self._window, self._apart, self._way = _Turns(), _Turns(), _Turns()
+        self._sign = 0
+        self._added = [0.0, 0.0, 0.0]
+        self._rest = _Rest(0.0, BIAS_RAD_S**2)
+        self._slipping = self._doubted = False
         self._problem: Problem | None = None
         self.events: list[Event] = []
         self._counters = counters
@@ -109,12 +135,21 @@ class Heading:
     @property
     def error(self) -> float:
         """By how much the wheels' heading is beyond the fused one, radians."""
-        return self._filter.error
+        return self._error
 
     @property
     def variance(self) -> float:
         """The variance that the fused heading gained since it was set, rad^2."""
-        return self._filter.variance(self._scale)
+        believing, doubting = self._believing, self._doubting
+        variance = self._filter.variance(self._scale) + self._rest.pending
+        variance += (self._filter.error - self._error) ** 2
+        if self._sign == 0 and self._way.both + self._window.wheels * self._window.gyro < 0.0:
+            variance += sum(self._added) ** 2
+        if believing is None:
+            return variance
+        # The other one may be right since they parted: as likely as the measurements make it.
+        share = 1.0 / (1.0 + math.exp(0.5 * TRUSTED - believing.doubt))
+        return variance + share * (believing.error - doubting.error - self._parted) ** 2
 
     @property
     def bias_rad_s(self) -> float:
@@ -166,11 +201,36 @@ class Heading:
         """The heading was set: both are right now."""
         for each in self._filters:
             each.reset()
+        self._added, self._apart = [0.0, 0.0, 0.0], _Turns()
+        self._parted = self._error = 0.0
 
     def lose(self, variance: float) -> None:
-        """The heading became so much less sure, rad^2, by what neither sensor saw."""
+        """The heading became so much less sure, rad^2, by what neither sensor saw.
+
+        The board may have restarted: its gyro has another zero then.
+        """
+        self._learn(self.bias_rad_s, BIAS_RAD_S**2, variance)
+        self._rest = _Rest(self.bias_rad_s, BIAS_RAD_S**2)
+
+    def _learn(self, bias: float, variance: float, unsure: float) -> None:
         for each in self._filters:
-            each.roll(variance, 0.0)
+            each.learn(bias, variance, unsure)
+
+    def _lose_to(self, variance: float, granted: float) -> float:
+        """Lose what is beyond the variance that was granted, and return that."""
+        more = max(0.0, variance - granted)
+        for each in self._filters:
+            each.roll(more, 0.0)
+        return more
+
+    @property
+    def _unchecked(self) -> bool:
+        return self._sign == 0 and self._known_scale is None
+
+    @property
+    def _used(self) -> bool:
+        checked = self._sign >= 0 and not self._unchecked
+        return checked and self._gyro.believed and not self._doubted
 
     def fuse(self, turn: float, rolled: float, stamp_ns: int, step_ns: int) -> float:
         """Take in a step of the wheels.
@@ -182,39 +242,68 @@ class Heading:
         Returns:
             The turn to add to theirs.
         """
-        before = self.error
         dt_s = step_ns * 1e-9
         slip = self._turn_slip * self._turned(turn)
         seen = self._gyro.turn(stamp_ns)
         angle, self._angle = self._angle, seen.angle if self._gyro.present else None
         gyro = None if angle is None else seen.angle - angle
+        moving = self._gyro.moving = bool(turn or rolled)
         if gyro is not None and self._gyro.problem != "silent":
             self._compare(turn, gyro - self.bias_rad_s * dt_s, rolled + slip, dt_s)
-            self._notice_bias(turn, gyro, dt_s)
+            self._notice_bias(moving, gyro, dt_s)
         self._report_problem()
-        if gyro is None or not self._gyro.believed or self._against:
+        if gyro is None or not self._used:
             self._rate = None
             for each in self._filters:
                 each.roll(rolled + slip, dt_s)
-            return before - self.error
+            return self._catch_up(CATCH_UP_RAD_S * dt_s)
         # What its scale makes of a turn; the whole of it is in the filter's own account.
         noise = seen.noise + 0.25 * self._scale * self._scale * abs(gyro)
-        rate = seen.rate_rad_s - self.bias_rad_s
+        rate = shown = seen.rate_rad_s - self.bias_rad_s
         unsure = self._tick_variance + (TIMING_S * rate) ** 2 + seen.held * seen.held
+        shaking = self._gyro.shaking
+        if moving:
+            unsure += shaking * SHAKEN_S * SHAKEN_S
+        else:
+            # It may shake before the first tick, and after the last.
+            unsure += shaking * dt_s * dt_s
+            unknown = self._noise_rad_s**2 + shaking + self.bias_variance
+            if (rate * dt_s) ** 2 > GATE * (unknown * dt_s * dt_s + self._tick_variance):
+                # The base is turned, or begins to shake. How late that shows is unsure.
+                slip += (rate * dt_s) ** 2
+                unsure += rate * rate * (LATE_S * LATE_S + dt_s * dt_s)
+            rate = 0.0
         doubting = self._doubting
-        doubting.fuse(turn, gyro, dt_s, rate=rate, slip=rolled + slip, noise=noise, unsure=unsure)
+        # A slip goes on for seconds: by two deviations of it, it is what this step shows.
+        apart = turn - gyro + doubting.bias * dt_s
+        slipped = max(rolled + slip, 4.0 * apart * apart if moving else 0.0)
+        doubting.fuse(turn, gyro, dt_s, rate=rate, slip=slipped, noise=noise, unsure=unsure)
         if (believing := self._believing) is not None:
             slip += BELIEVED * rolled
+            if few := moving and self._gyro.shaken < FEW_SAMPLES:
+                unsure += (UNMEASURED_RAD_S * SHAKEN_S) ** 2
             believing.fuse(turn, gyro, dt_s, rate=rate, slip=slip, noise=noise, unsure=unsure)
+            if few:
+                believing.doubt = doubting.doubt = 0.0
             self._judge(believing)
-        self._rate = (rate, seen.noise / (dt_s * dt_s) + self._filter.bias_variance)
-        return before - self.error
+        self._rate = (shown, seen.noise / (dt_s * dt_s) + self._filter.bias_variance)
+        added = self._catch_up(abs(apart) + CATCH_UP_RAD_S * dt_s)
+        self._added[0] += added
+        return added
+
+    def _catch_up(self, most: float) -> float:
+        """Take over the error of the filter, but for a jump; the turn to add to the wheels'."""
+        missing = max(-most, min(most, self._filter.error - self._error))
+        self._error += missing
+        return -missing
 
     def _judge(self, believing: HeadingFilter) -> None:
         doubting = self._doubting
         doubt = believing.doubt - doubting.doubt
         doubting.doubt = 0.0
         believing.doubt = max(TRUSTED, doubt)
+        if doubt <= TRUSTED:
+            self._parted = believing.error - doubting.error
         if doubt > REFUTED:
             self._believing = None
 
@@ -235,98 +324,176 @@ class Heading:
         window.seconds += dt_s
         if window.seconds < WINDOW_S:
             return
-        self._window = _Window()
-        way = self._way
-        if abs(window.wheels) < TURNING_RAD or window.wheels * way.wheels < 0.0:
-            way = self._way = _Window()
-        way.wheels += window.wheels
-        way.gyro += window.gyro
-        if min(abs(way.wheels), abs(way.gyro)) > AGAINST_RAD:
-            self._against = way.wheels * way.gyro < 0.0
-            self._way = _Window()
+        self._window = _Turns()
+        if self._gyro.believed:
+            self._check_sign(window)
+        if self._sign > 0:
+            self._added = [0.0, *self._added[:2]]
         apart = abs(window.wheels - window.gyro)
         least = max(SLIP_RAD, SLIP_DEVIATIONS * math.sqrt(window.slip))
-        slipping = apart > least and self._gyro.believed and not self._against
+        slipping = apart > least and self._used
         if slipping:
             self._counters["wheels_slipped"] += 1
             if not self._slipping:
                 self.events.append(_slip(window))
         self._slipping = slipping
 
-    def _notice_bias(self, wheels: float, gyro: float, dt_s: float) -> None:
-        """A bias that is far from the learned one: the board started in motion, or was turned."""
-        rest = self._rest
-        if wheels or not self._gyro.believed:
-            self._rest = _Rest()
+    def _check_sign(self, window: _Turns) -> None:
+        """Does the gyro turn with the wheels? Once it did, it always will."""
+        way, apart = self._way, self._apart
+        if self._unchecked:
+            # Whichever way it turns, the wheels slipped by so much.
+            apart.wheels += window.wheels
+            apart.gyro += window.gyro
+            apart.seconds += window.seconds
+            unknown = 3.0 * math.sqrt(self.bias_variance) * apart.seconds
+            least = max(0.0, abs(abs(apart.wheels) - abs(apart.gyro)) - unknown)
+            apart.slip += self._lose_to(least * least, apart.slip)
+        if self._sign > 0 or abs(window.wheels) < SLOWEST_RAD:
             return
-        rest.add(gyro / dt_s, dt_s)
+        way.turned += abs(window.wheels)
+        way.wheels_2 += window.wheels * window.wheels
+        way.gyro_2 += window.gyro * window.gyro
+        way.both += window.wheels * window.gyro
+        if way.turned < CLEAR_RAD:
+            return
+        self._way = _Turns()
+        if abs(way.both) > CLEAR_SHARE * max(way.wheels_2, way.gyro_2):
+            self._sign = 1 if way.both > 0.0 else -1
+
+    def _notice_bias(self, moving: bool, gyro: float, dt_s: float) -> None:
+        """What is an even rate beside wheels that stand: the bias, another one, or a turn?"""
+        rest = self._rest
+        if moving or not self._gyro.believed:
+            rest.clear()
+            if self._doubted and moving and abs(rest.shown) <= PLAUSIBLE_RAD_S:
+                # A bias or a turn: the wheels will show it.
+                self._learn(rest.shown, (rest.shown - rest.zero) ** 2, 0.0)
+                self._doubted = False
+            if not self._doubted:
+                self._rest = _Rest(self.bias_rad_s, self.bias_variance)
+            return
+        noise, rate = self._noise_rad_s, gyro / dt_s
+        if len(rest.rates) >= EVEN_SAMPLES and abs(rate - rest.mean) > UNEVEN_DEVIATIONS * noise:
+            # Another rate begins.
+            rest.clear()
+            if not self._doubted:
+                rest.turned = 0.0
+        rest.add(rate, dt_s)
+        if self._doubted:
+            # It turned, or it did not.
+            rest.granted += self._lose_to(rest.turned**2, rest.granted)
+        elif len(rest.rates) > EVEN_SAMPLES:
+            known = rest.variance * rest.seconds**2 + noise * noise * rest.seconds * dt_s
+            odd = rest.turned**2 > 9.0 * known and abs(rest.mean) <= PLAUSIBLE_RAD_S
+            rest.pending = rest.turned**2 if odd else 0.0
         if rest.seconds < STEADY_S:
             return
-        self._rest = _Rest()
-        off = rest.mean - self.bias_rad_s
-        unsure = STEADY_DEVIATIONS * self._noise_rad_s
-        if rest.deviation > unsure or abs(off) < unsure + 5.0 * math.sqrt(self.bias_variance):
+        mean, samples = rest.mean, len(rest.rates)
+        variance = math.fsum((each - mean) ** 2 for each in rest.rates) / samples
+        rest.clear()
+        if variance > (STEADY_DEVIATIONS * noise) ** 2:
             return
-        for each in self._filters:
-            each.learn(rest.mean, rest.deviation**2, (off * rest.seconds) ** 2)
-        self._gyro.refuse("implausible")
+        drift, mean_variance = DRIFT_RAD_S2 * STEADY_S, variance / samples
+        near = drift + STEADY_DEVIATIONS * math.sqrt(rest.variance + mean_variance)
+        off = mean - self.bias_rad_s
+        if (plausible := abs(mean) <= PLAUSIBLE_RAD_S) and abs(mean - rest.zero) <= near:
+            wrong = STEADY_DEVIATIONS * math.sqrt(self.bias_variance + mean_variance)
+            if not self._used or abs(off) > drift + wrong:
+                self._learn(mean, variance, (off * STEADY_S) ** 2)
+            self._doubted = False
+            self._rest = _Rest(mean, mean_variance)
+            return
+        if not plausible:
+            # What the filter took for a bias is none, and lost.
+            self._learn(rest.zero, rest.variance, (STEADY_S * (self.bias_rad_s - rest.zero)) ** 2)
+        if plausible or STEADY_DEVIATIONS * math.sqrt(rest.variance) > PLAUSIBLE_RAD_S:
+            rest.shown, self._doubted = mean, True
+        else:
+            # The bias was known: this is a turn.
+            rest.turned = rest.granted = 0.0
 
     def _report_problem(self) -> None:
         """Count a problem of the gyro; its beginning and its end are events."""
-        problem = self._gyro.problem or ("implausible" if self._against else None)
+        problem: Problem | None = self._gyro.problem
+        if problem is None and (self._sign < 0 or self._doubted):
+            problem = "implausible"
+        elif problem is None and self._fused and self.present and self._unchecked:
+            problem = "unchecked"
         if problem == self._problem:
             return
         if problem is not None:
             self._counters[f"gyro_{problem}"] += 1
-        if (problem is None) != (self._problem is None):
-            self.events.append(_unfit(problem) if problem is not None else _FIT)
+        if problem == "implausible":
+            # What it added may be wrong; the heading stays where it is.
+            self._lose_to(sum(self._added) ** 2, 0.0)
+            self._added = [0.0, 0.0, 0.0]
+        if problem is None:
+            self.events.append(_FIT)
+        elif self._problem in {None, "unchecked"}:
+            self.events.append(_unfit(problem))
         self._problem = problem
 
 
-class _Window:
-    """The turns of the latest second."""
+class _Turns:
+    """Sums of turns: of the wheels, of the gyro, of squares, and of the products of both."""
 
-    __slots__ = "wheels gyro slip seconds".split()
+    __slots__ = "wheels gyro slip seconds turned wheels_2 gyro_2 both".split()
 
     def __init__(self) -> None:
         self.wheels = self.gyro = self.slip = self.seconds = 0.0
+        self.turned = self.wheels_2 = self.gyro_2 = self.both = 0.0
 
 
 class _Rest:
-    """The rates of the gyro while the wheels stand."""
+    """The rates of the gyro while the wheels stand.
 
-    __slots__ = "seconds _rates".split()
+    Attributes:
+        zero: The bias that it showed before.
+        pending: Variance for an even turn that may be none, as long as neither is sure, rad^2.
+        turned: By that, the base turned so far since.
+        granted: The variance that the heading has for it.
+        shown: The latest rate that was even, and another one.
+    """
 
-    def __init__(self) -> None:
-        self.seconds = 0.0
-        self._rates: list[float] = []
+    __slots__ = "zero variance turned granted pending shown seconds rates".split()
+
+    def __init__(self, zero: float, variance: float) -> None:
+        self.zero, self.variance = zero, variance
+        self.turned = self.granted = self.shown = 0.0
+        self.clear()
+
+    def clear(self) -> None:
+        self.seconds = self.pending = 0.0
+        self.rates: list[float] = []
 
     def add(self, rate_rad_s: float, dt_s: float) -> None:
         self.seconds += dt_s
-        self._rates.append(rate_rad_s)
+        self.turned += (rate_rad_s - self.zero) * dt_s
+        self.rates.append(rate_rad_s)
 
     @property
     def mean(self) -> float:
-        return math.fsum(self._rates) / len(self._rates)
-
-    @property
-    def deviation(self) -> float:
-        mean = self.mean
-        return math.sqrt(math.fsum((each - mean) ** 2 for each in self._rates) / len(self._rates))
+        return math.fsum(self.rates) / len(self.rates)
 
 
 _FIT = Event(
     kind="gyro_fit",
     severity="info",
-    message="The gyro has behaved for a second: its rate of turn is used again.",
+    message="The gyro's rate of turn is used from now on: it has behaved for a second, or turned "
+    "with the wheels.",
 )
 
 _CAUSES: dict[Problem, str] = {
     "silent": "The board sends no samples of its inertial sensor",
     "saturated": "The gyro is at its limit: the robot turns faster than it can measure",
     "implausible": (
-        "The gyro shows what cannot be: it is stuck, its zero has jumped, or it turns against the "
-        "wheels (then correct imu.axes or imu.gyro_axes)"
+        "The gyro shows what cannot be: it is stuck, its zero has jumped or the robot stands on "
+        "what turns, or it turns against the wheels (then correct imu.axes or imu.gyro_axes)"
+    ),
+    "unchecked": (
+        "Which way the gyro turns was not checked: imu.gyro_scale is absent. Run `yahboomd "
+        "calibrate imu`, or drive one clear turn, of 35 degrees"
     ),
 }
 
@@ -335,13 +502,13 @@ def _unfit(problem: Problem) -> Event:
     return Event(
         kind="gyro_unfit",
         severity="warning",
-        message=f"{_CAUSES[problem]}. The heading goes on by the wheels alone until it has "
-        "behaved for a second.",
+        message=f"{_CAUSES[problem]}. The heading goes on by the wheels alone until the "
+        "event gyro_fit.",
         data={"problem": problem},
     )
 
 
-def _slip(window: _Window) -> Event:
+def _slip(window: _Turns) -> Event:
     return Event(
         kind="wheels_slip",
         severity="info",

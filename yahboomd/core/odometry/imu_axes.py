@@ -47,7 +47,6 @@ class Mounting:
         self._gyro_axes = _places(gyro_axes, gyro_factor)
 
     def along_base(self, reading: ImuReading) -> ImuReading:
-        """The reading along the axes of the base."""
         magnetic = reading.magnetic_t
         return msgspec.structs.replace(
             reading,

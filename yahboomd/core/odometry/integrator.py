@@ -59,7 +59,6 @@ class Arc(NamedTuple):
 
 
 def arc_between(before: Pose2d, after: Pose2d) -> Arc:
-    """The single step that leads from one pose to another."""
     turn = after.theta - before.theta
     middle = before.theta + 0.5 * turn
     scale = sinc(0.5 * turn)

@@ -139,6 +139,7 @@ class Odometer:
                 "gyro_silent",
                 "gyro_saturated",
                 "gyro_implausible",
+                "gyro_unchecked",
                 "wheels_slipped",
                 "board_clock_changes",
             ),
@@ -149,16 +150,15 @@ class Odometer:
             self.counters,
             tick_variance=self._covariance.tick_variance,
             scale=gyro_scale,
+            fused=fused,
         )
 
     @property
     def pose(self) -> Pose2d:
-        """The pose of the base in the odometry frame, as of the latest reading."""
         return self._integrator.pose
 
     @property
     def gyro_bias_rad_s(self) -> float:
-        """The gyro's reading at rest, as learned."""
         return self._heading.bias_rad_s
 
     @property

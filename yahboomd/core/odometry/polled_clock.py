@@ -125,7 +125,6 @@ class PolledClock:
         return Instant(stamp_ns, stamp_ns - last_ns if last_ns else 0, unsure_ns)
 
     def _unsure(self, sent_ns: int, requested_ns: int, earliest_ns: int | None) -> int:
-        """The uncertainty of the moment of sampling beyond the usual one."""
         turn_rounds, took_ns = self._turn_rounds, sent_ns - requested_ns
         own = requested_ns != self._requested_ns
         self._requested_ns = requested_ns

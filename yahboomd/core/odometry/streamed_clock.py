@@ -317,7 +317,6 @@ class StreamedClock:
         return QUIET_TICKS * max(period, self._meter.spacing)
 
     def _running(self, arrival: float, ticks: int, period: float) -> int:
-        """Count the ticks that have passed while every tick shows."""
         late = arrival - self._time
         if not ticks:
             # The line repeats a tick, unless even the latest line of a change would be there. One

@@ -100,7 +100,6 @@ class VelocityEstimator:
             self._history.drop_latest()
 
     def stand(self, totals: tuple[int, ...], step_ns: int) -> None:
-        """Take in totals that stayed, in a step whose length is known."""
         self._time_ns += step_ns
         self._history.add(self._time_ns, totals)
         self._kept = True
@@ -161,7 +160,6 @@ class VelocityEstimator:
         )
 
     def twist(self, window: Window) -> Twist2d:
-        """Velocity of the body in its own frame."""
         if not window.span_ns:
             return Twist2d()
         per_second = 1e9 / window.span_ns

@@ -357,7 +357,6 @@ class Dialect(msgspec.Struct, frozen=True, kw_only=True):
     """The table of the stored settings, in the order in which they are written."""
 
     def findings(self, settings: BoardSettings, profile: MotorProfile) -> Findings:  # noqa: ARG002
-        """The meaning of the stored settings for these motors."""
         return Findings()
 
     # Motion.

@@ -35,7 +35,6 @@ class MotorProfile(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def ticks_per_revolution(self) -> float:
-        """Counts of one turn of the wheel."""
         return self.lines * self.ratio * EDGES_PER_LINE
 
     @property
@@ -45,7 +44,6 @@ class MotorProfile(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def wheel_radius_m(self) -> float:
-        """Half the diameter, in metres."""
         return self.wheel_diameter_mm / 2000.0
 
     @property
@@ -89,5 +87,4 @@ PROFILES: Final[dict[str, MotorProfile]] = {
 
 
 def alike(profile: MotorProfile) -> tuple[MotorProfile, ...]:
-    """The vendor's motors for the boards that these are for."""
     return tuple(each for each in PROFILES.values() if each.stored.keys() & profile.stored.keys())

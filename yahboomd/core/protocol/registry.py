@@ -34,12 +34,10 @@ def connect_stop() -> tuple[tuple[bytes, bytes], ...]:
 
 
 def connect_spacing_ns() -> int:
-    """The gap that no dialect minds."""
     return max(dialect.spacing_ns for dialect in DIALECTS.values())
 
 
 def usb_ids() -> tuple[str, ...]:
-    """The USB ids of all boards, in the order in which several ports are asked."""
     return tuple(dict.fromkeys(usb for each in DIALECTS.values() for usb in each.usb_ids))
 
 

@@ -81,12 +81,10 @@ class StoredSetting(msgspec.Struct, frozen=True, kw_only=True):
     option: str = ""
 
     def words(self, value: SettingValue) -> str:
-        """The value for people."""
         text = f"{value:g}" if isinstance(value, int | float) else self.wire(value)
         return self.shown(value) if self.shown is not None else text + self.unit
 
     def allows(self, value: SettingValue) -> bool:
-        """Whether the board may store this."""
         if isinstance(value, tuple) != bool(self.parts):
             return False
         numbers = value if isinstance(value, tuple) else (value,)
@@ -96,7 +94,6 @@ class StoredSetting(msgspec.Struct, frozen=True, kw_only=True):
         )
 
     def named(self, value: SettingValue | None) -> dict[str, SettingValue | None]:
-        """The value under the names that it has among the board's facts."""
         if not self.parts:
             return {self.field: value}
         return dict(zip(self.parts, value, strict=True)) if isinstance(value, tuple) else {}

@@ -3,7 +3,6 @@
 - ``$`` opens a frame, ``#`` closes it; between them everything is data, ``$`` and newlines too.
 - Outside a frame everything is ignored.
 - A frame of more than 51 characters is given up at its 52nd.
-- Of a finished frame and one that was too long the main loop sees the later one alone.
 - A finished frame overwrites whatever is in the mailbox, and the loop that carries out a command
   wipes the mailbox afterwards: a frame that arrived meanwhile is found empty.
 """
@@ -35,12 +34,12 @@ class Mailbox:
         if byte == _CLOSE:
             self._content = bytes(self._collected)
             self._collected = None
-            self.ready, self.too_long = True, False
+            self.ready = True
             return True
         self._collected.append(byte)
         if len(self._collected) > LONGEST_FRAME:
             self._collected = None
-            self.ready, self.too_long = False, True
+            self.too_long = True
             return True
         return False
 

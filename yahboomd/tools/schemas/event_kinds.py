@@ -41,7 +41,6 @@ class WheelFaultEvent(_EventOfKind, frozen=True, kw_only=True):
         "no_counts",
         "off_speed",
         "stop_not_obeyed",
-        "rolled",
     ]
     data: WheelFaultData
 
@@ -152,8 +151,8 @@ class GyroUnfitData(msgspec.Struct, frozen=True, kw_only=True):
         str,
         Meta(
             description="silent: no samples come; saturated: its rate is at the limit; "
-            "implausible: it is stuck, its zero jumped, or it turns against the wheels. A later "
-            "version may have others."
+            "implausible: it is stuck, its zero jumped, or it turns against the wheels; unchecked: "
+            "its sign is not known yet. A later version may have others."
         ),
     ]
 
@@ -252,7 +251,6 @@ KINDS: dict[EventKind, KindInfo] = {
     "no_counts": _wheel("A wheel is commanded, and its encoder shows no motion."),
     "off_speed": _wheel("A wheel turns at another speed than commanded.", "warning"),
     "stop_not_obeyed": _wheel("The wheels do not obey a stop: the motors are cut."),
-    "rolled": _wheel("A wheel that was let go rolled: held until the next drive.", "warning"),
     "odometry_discontinuity": KindInfo(
         ("warning",), "A part of the way was not counted; the pose may be off.", OdometryGapEvent
     ),
@@ -267,10 +265,10 @@ KINDS: dict[EventKind, KindInfo] = {
     ),
     "gyro_unfit": KindInfo(
         ("warning",),
-        "The gyro is silent, saturated or implausible: the heading is the wheels' alone.",
+        "The gyro is silent, saturated, implausible or unchecked: the wheels have the heading.",
         GyroUnfitEvent,
     ),
-    "gyro_fit": KindInfo(("info",), "The gyro has behaved for a second, and is used again."),
+    "gyro_fit": KindInfo(("info",), "The gyro behaved for a second, or turned with the wheels."),
     "wheels_slip": KindInfo(
         ("info",),
         "The turn of the wheels and that of the gyro differ by more than 0.1 rad in a second.",

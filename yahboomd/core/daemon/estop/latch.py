@@ -87,12 +87,10 @@ class LatchKeeper:
 
     @property
     def on_file(self) -> bool:
-        """Whether the file is as the latch is."""
         return self._done >= self._changed
 
     @property
     def wish(self) -> int:
-        """The number of the latest request."""
         return self._wish
 
     def has_done(self, wish: int) -> bool:
@@ -228,12 +226,10 @@ class EstopLatch:
 
     @property
     def engaged(self) -> bool:
-        """Whether the wheels must stand."""
         return self._stop.engaged
 
     @property
     def latched(self) -> Latched | None:
-        """The origin of the stop: who, when and why."""
         latched = self._stop.latched
         if latched is None or self._keeper.on_file:
             return latched
@@ -265,7 +261,6 @@ class EstopLatch:
         return self._keeper.settled(SETTLE_S)
 
     async def on_file(self) -> bool:
-        """Whether an engaged latch is on file, within half a second."""
         keeper = self._keeper
         wish = keeper.wish
         with contextlib.suppress(TimeoutError):

@@ -154,7 +154,6 @@ class LocalStop:
                 log.info("The local socket is there again: %s", self._folder)
 
     def close(self) -> None:
-        """Stop listening, and end every connection."""
         for task in (self._attending, *self._tasks):
             if task is not None:
                 task.cancel()
@@ -170,7 +169,6 @@ class LocalStop:
             self._listening = None
 
     def observe(self, speeds_m_s: tuple[float, ...]) -> None:
-        """A reading: the rim speed of each wheel."""
         if self._watches and speeds_m_s:
             fastest_m_s = max(map(abs, speeds_m_s))
             for watch in self._watches:

@@ -44,7 +44,6 @@ class StopReports:
 
     @property
     def waiting(self) -> bool:
-        """Whether a stop that was announced has not been sent yet."""
         return any(report.news for report in self._reports)
 
     def announce(self, tell: Callable[[str], None], *, news: bool = True) -> None:

@@ -108,7 +108,6 @@ def start(
 
 
 def topics(config: Config) -> Topics:
-    """The topics as configured, with the prefix in front of every frame."""
     chosen, odometry = config.ros2, config.odometry
     prefix = chosen.frame_prefix
     motors = config.motors()

@@ -77,14 +77,12 @@ class Spread:
 
     @property
     def has_subscribers(self) -> bool:
-        """Whether any client would receive it."""
         for outlet in self._outlets:  # noqa: SIM110 - any() costs three times as much
             if outlet.has_subscribers:
                 return True
         return False
 
     def put(self, payload: bytes) -> None:
-        """Send one, to those outlets that have a subscriber."""
         for outlet in self._outlets:
             if outlet.has_subscribers:
                 outlet.put(payload)
@@ -183,7 +181,6 @@ class RosPublisher:
             raw.put(self._encode_imu_raw(stamp_ns, estimate))
 
     def battery(self, volts: float, stamp_ns: int) -> None:
-        """Publish the voltage, and the charge by it."""
         if self._battery.has_subscribers:
             charge = charge_of(volts, self._battery_curve)
             self._battery.put(self._encode_battery(stamp_ns, volts, charge))

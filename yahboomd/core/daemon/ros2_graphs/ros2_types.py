@@ -56,7 +56,6 @@ class TypeWatch:
             self._surveys.append(self._bus.survey(f"/{ros2.bridge_writers(topic)}", answered))
 
     def watch_nodes(self, source: str, ros_type: str, domain_id: int) -> None:
-        """Watch the tokens of a source's publishers."""
         self._expected[source] = ros_type
         found = self._tokens.setdefault(source, {})
 

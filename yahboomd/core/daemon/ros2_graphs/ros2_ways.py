@@ -43,7 +43,6 @@ class BridgeWay:
         self._distro = distro
 
     def publisher(self, topic: str, ros_type: str, qos: Qos) -> Outlet:
-        """Open a topic that we publish."""
         outlet = self._bus.publisher(
             topic,
             encoding=encoding_name(ros_type, "cdr"),
@@ -57,7 +56,6 @@ class BridgeWay:
         self._announce("MS", topic, ros_type, qos)
 
     def service(self, key: str, ros_type: str) -> None:
-        """Announce a service that is offered already."""
         self._announce("SS", key, ros_type, NO_QOS)
 
     def _announce(self, kind: EndpointKind, key: str, ros_type: str, qos: Qos) -> None:
@@ -111,7 +109,6 @@ class AttachedOutlet:
 
     @property
     def has_subscribers(self) -> bool:
-        """Whether any client would receive it."""
         return self._publisher.has_subscribers
 
     def put(self, payload: bytes) -> bool:
@@ -139,7 +136,6 @@ class NativeWay:
         bus.token(f"/{ros2.node_token(self._node)}")
 
     def publisher(self, topic: str, ros_type: str, qos: Qos) -> Outlet:
-        """Open a topic that we publish."""
         if topic == keys.ROS_ROSOUT:
             # The nodes of a graph share one log, whatever their namespaces.
             topic = f"/{topic}"
@@ -192,7 +188,6 @@ class NativeWay:
         self._announce("SS", key, ros_type, SERVICE_QOS)
 
     def parameters(self, server: ParameterServer) -> None:
-        """Answer the parameter services of the node."""
         for name, (ros_type, respond) in server.services.items():
             service = f"{self._node.name}/{name}"
             self._serve(self._key(service, ros_type), respond)

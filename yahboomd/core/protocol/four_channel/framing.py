@@ -103,7 +103,6 @@ class LineFramer:
 
     @property
     def held_bytes(self) -> int:
-        """Bytes of the frame or line that is not whole yet."""
         return len(self._held)
 
     def feed(self, data: bytes) -> list[Frame | TextLine]:

@@ -70,7 +70,6 @@ class Polled(Dialect, frozen=True, kw_only=True):
         return decode_item(item, _FRAMES)
 
     def recognises(self, item: Frame | TextLine) -> bool:
-        """An answer with counters, and nothing else."""
         return isinstance(self.decode(item), Totals)
 
     def motion(
@@ -84,7 +83,6 @@ class Polled(Dialect, frozen=True, kw_only=True):
         return motion(kinematics, motors, settings, scale=scale, max_command=MAX_SPEED)
 
     def for_profile(self, profile: MotorProfile) -> Polled:
-        """The dialect that arms with the profile's motor type."""
         if (motor_type := profile.stored.get("motor_type")) is None:
             return self
         frame = f"$mtype:{motor_type:d}#".encode("ascii")

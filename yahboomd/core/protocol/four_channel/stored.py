@@ -206,7 +206,6 @@ def _unfit(settings: BoardSettings, profile: MotorProfile) -> Iterator[str]:
 
 
 def _other_profiles(settings: BoardSettings, profile: MotorProfile) -> Iterator[str]:
-    """Name the profiles that the stored settings fit, where it is not the configured one."""
     if settings.get("motor_type") == profile.stored.get("motor_type"):
         return
     stored = tuple(settings.get(field) for field in ("motor_type", "lines", "ratio"))

@@ -141,5 +141,4 @@ class Streamed(Dialect, frozen=True, kw_only=True):
         *,
         scale: float,
     ) -> PerMotor:
-        """A speed for each motor, as the board's settings make it count."""
         return motion(kinematics, motors, settings, scale=scale, max_command=MAX_SPEED)

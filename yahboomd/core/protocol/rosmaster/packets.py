@@ -85,7 +85,6 @@ class PacketFramer:
 
     @property
     def held_bytes(self) -> int:
-        """Bytes of what is not whole yet."""
         return len(self._held)
 
     def feed(self, data: bytes) -> list[Item]:
