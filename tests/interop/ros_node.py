@@ -7,6 +7,7 @@ standard input:
     {"do":"drive","vx":0.1,"wz":0.0,"hz":20}    with "stamped":true: a TwistStamped
     {"do":"rest"}
     {"do":"press","data":true,"times":3}        a std_msgs/Bool on /yahboomd/estop
+    {"do":"talk","text":"hello"}                a std_msgs/String on /chatter
     {"do":"call","service":"/yahboomd/estop","data":true}    without "data": a Trigger
     {"do":"graph"}
     {"do":"measure"}                            from now on print nothing, only note arrivals
@@ -41,7 +42,7 @@ from rclpy.qos import (
     qos_profile_system_default,
 )
 from sensor_msgs.msg import BatteryState, JointState
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
 
 try:
@@ -89,6 +90,8 @@ CONSUMERS: dict[str, list[tuple[str, Any, QoSProfile]]] = {
         ("/diagnostics", DiagnosticArray, qos_profile_system_default),
         ("/estopped", Bool, reliable(1, latched=True)),
     ],
+    # demo_nodes_py's listener
+    "chatter": [("/chatter", String, reliable(10))],
     # `ros2 topic echo /rosout`, which takes the QoS of the publishers
     "log": [("/rosout", Log, reliable(1000, latched=True))],
 }
@@ -127,7 +130,8 @@ class Node:
     """Its publishers, subscriptions and service clients."""
 
     def __init__(self, consumers: list[str]) -> None:
-        self.node = rclpy.create_node("onlooker")
+        self.node = rclpy.create_node(os.environ.get("ROS_NODE_NAME", "onlooker"))
+        self.chatter = self.node.create_publisher(String, "/chatter", 10)
         self.button = self.node.create_publisher(Bool, "/yahboomd/estop", 10)
         self.cmd_vel: Any = None
         self.clients: dict[str, Any] = {}
@@ -198,6 +202,9 @@ class Node:
         for _ in range(times):
             self.button.publish(Bool(data=data))
         say(event="pressed")
+
+    def talk(self, text: str) -> None:
+        self.chatter.publish(String(data=text))
 
     def call(self, service: str, data: bool | None = None) -> None:
         kind = SERVICES[service]

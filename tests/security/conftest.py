@@ -124,12 +124,14 @@ def guarded(real_robot: Callable[..., RealRobot], tmp_path: Path) -> Callable[..
     More endpoints to listen on may follow.
     """
 
-    def start(zenoh_file: str, protocol: str, *more: str) -> RealRobot:
+    def start(zenoh_file: str, protocol: str, *more: str, natively: bool = False) -> RealRobot:
         path = tmp_path / "zenoh.json5"
         path.write_text(zenoh_file)
         endpoint = free_endpoint().replace("tcp/127.0.0.1", f"{protocol}/localhost")
         listen = json.dumps([endpoint, *more])
-        robot = real_robot(run=["--set", f"zenoh.listen={listen}", "--set", f"zenoh.config={path}"])
+        sets = [f"zenoh.listen={listen}", f"zenoh.config={path}"]
+        sets += ["ros2.rmw_zenoh=true"] if natively else []
+        robot = real_robot(run=[part for each in sets for part in ("--set", each)])
         robot.endpoint = endpoint
         robot.daemon.says("Connected")
         return robot

@@ -7,6 +7,7 @@ import json
 import resource
 import socket
 import ssl
+import struct
 import subprocess
 import sys
 import threading
@@ -20,6 +21,7 @@ from real_robot import RealRobot, free_endpoint, wait_for
 
 from yahboomd.cli.main import main
 from yahboomd.client import NoDaemon, Robot
+from yahboomd.core.messages import cdr, ros2
 
 pytestmark = pytest.mark.realtime
 
@@ -192,14 +194,16 @@ def test_without_credentials_no_client_is_admitted(
     app(robot.endpoint, papers("viewer")).sees_poses()
 
 
+@pytest.mark.parametrize("natively", [False, True])
 def test_a_certificate_of_another_authority_is_none(
+    natively: bool,
     guarded: Callable[..., RealRobot],
     example: Callable[..., str],
     app: Callable[..., Any],
     authority: Any,
     tmp_path: Path,
 ) -> None:
-    robot = guarded(mutual(example, authority), "tls")
+    robot = guarded(mutual(example, authority), "tls", natively=natively)
     forger = type(authority)(tmp_path / "forger")
     forger.sign("operator")
     papers = forger.shown_by("operator") | {
@@ -208,6 +212,27 @@ def test_a_certificate_of_another_authority_is_none(
     with pytest.raises(zenoh.ZError):
         app(robot.endpoint, papers)
     app(robot.endpoint, authority.shown_by("operator")).sees_poses()
+
+
+def test_a_viewer_drives_by_no_key_of_ros_either(
+    guarded: Callable[..., RealRobot],
+    example: Callable[..., str],
+    app: Callable[..., Any],
+    authority: Any,
+) -> None:
+    """As the router of an rmw_zenoh graph the daemon tells its nodes of each other."""
+    robot = guarded(mutual(example, authority), "tls", natively=True)
+    node = ros2.Node(domain_id=0, zid="1")
+    key = ros2.native_key(node, topic="cmd_vel", ros_type=ros2.TWIST, distro="jazzy")
+    twist = struct.pack("<4s6d", cdr.HEADER_LE, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0)
+    viewer, operator = (app(robot.endpoint, authority.shown_by(n)) for n in ("viewer", "operator"))
+    for _ in range(20):
+        viewer.session.put(key, twist)
+        viewer.session.put("cmd_vel", twist)
+        viewer.sees_poses()
+    assert robot.travelled_m() == 0.0
+    # The same bytes on a key that is his move the robot.
+    wait_for(lambda: operator.session.put("cmd_vel", twist) or robot.travelled_m() > 0, "motion")
 
 
 def test_a_viewer_who_floods_the_estop_costs_the_operator_none_of_his_stops(
