@@ -155,6 +155,9 @@ class Pair:
         if latched != self.board._latched:
             # The one is looked at before, the other one after a task.
             self.quiet_ms = self.ms + 12
+        if self.board._reset_ns < NEVER:
+            # The rig holds everything up for what is one task's wait.
+            self.quiet_ms = self.ms
         if self.ms > self.quiet_ms:
             same("latched", self.board._latched, latched, self)
             own, of_firmware = self.watched.outputs, self.firmware.outputs
