@@ -39,7 +39,7 @@ $(VENV)/.dev: pyproject.toml make/bootstrap.py
 
 ##@ Use it
 .PHONY: run
-run: $(VENV)/.run ## start daemon and page: on a simulated board, or on a real one with PORT=/dev/... (ARGS=--listen: for phones)
+run: $(VENV)/.run ## start daemon, page and moves: on a simulated board, or on a real one with PORT=/dev/... (ARGS=--listen: for phones)
 	@exec $(PY) make/make_run.py $(if $(PORT),--port $(PORT)) $(ARGS)
 
 ##@ Check a change
@@ -79,7 +79,7 @@ schemas-check: $(VENV)/.dev
 	$(PY) -m yahboomd.tools.schemas.asyncapi --check schemas
 
 ##@ Suites that need other languages, or more time (.ci/run runs their short forms)
-.PHONY: interop interop-figures generators asyncapi clients browser firmware metrics fuzz mutants soak alarms
+.PHONY: interop interop-figures generators asyncapi clients browser firmware firmware-long metrics fuzz mutants soak alarms
 # Its peers keep the cores busier than what waits elsewhere.
 interop: WORKERS = $(CORES)
 interop: $(VENV)/.dev ## build the real ROS 2 peers once (in a cache outside the tree), drive through them
@@ -108,6 +108,9 @@ $(VENV)/.firmware: pyproject.toml make/bootstrap.py $(VENV)/.dev
 
 firmware: $(VENV)/.firmware ## the control path on the vendors' own firmwares, whose files YAHBOOMD_FIRMWARE names (SHORT=1: the same)
 	@$(PY) make/firmware.py $(ARGS)
+
+firmware-long: $(VENV)/.firmware ## the simulated boards beside the firmwares, with 10^5 random commands and more (half an hour)
+	@YAHBOOMD_FIRMWARE_LONG=1 $(PY) make/firmware.py -rP -k side_by_side $(ARGS)
 
 metrics: $(VENV)/.dev ## real Prometheus scrapes a real daemon: the page, alerts and the dashboard's queries (apt install prometheus)
 	$(PYTEST) tests/metrics tests/prometheus tests/cli/test_metrics.py tests/cli/test_robot_poll.py $(ARGS)
@@ -151,7 +154,7 @@ bench-short: $(VENV)/.dev ## the same in a short form, only to see that it works
 
 .PHONY: moves
 moves: $(VENV)/.dev ## 400 random moves on simulated robots beside a plain loop: the table of docs/moves.md (8 minutes; ARGS='--moves 64')
-	@PYTHONPATH=tests/plugins $(PY) -m benchmarks.moves $(ARGS)
+	@PYTHONPATH=tests/plugins $(PY) -m benchmarks.move_table $(ARGS)
 
 heading: $(VENV)/.dev ## the heading by wheels and gyro on simulated bases, the tables of docs/odometry.md (30 minutes; ARGS='--runs 0 --case slope')
 	@$(PY) -m benchmarks.fused_heading $(ARGS)

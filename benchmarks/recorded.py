@@ -8,7 +8,6 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from benchmarks.paths import RADIUS_M, TRACK_M
-from yahboomd.core.clock import LoopClock
 from yahboomd.core.link.connected_board import ConnectedBoard
 from yahboomd.core.link.handshake import Identity
 from yahboomd.core.link.session import Session, SessionOptions
@@ -17,6 +16,7 @@ from yahboomd.simulation import virtual_time
 from yahboomd.simulation.memory import MemoryPort
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
+from yahboomd.simulation.virtual_time import LoopClock
 
 COMMAND_HZ = 50
 

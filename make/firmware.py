@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import random
 import subprocess
 import sys
 from pathlib import Path
@@ -35,8 +36,13 @@ def main() -> int:
     lacking = "" if image.exists() else f"there is no {image}; {WHERE}"
     if importlib.util.find_spec("unicorn") is None:
         lacking = "unicorn, the emulator, is not installed here"
+    seed = os.environ.get("YAHBOOMD_SEED") or str(random.randrange(10_000, 1_000_000))
     call = [sys.executable, "-m", "pytest", "tests/firmware", "-q", *sys.argv[1:]]
-    ended = subprocess.call(call, cwd=TREE)
+    ended = subprocess.call(call, cwd=TREE, env={**os.environ, "YAHBOOMD_SEED": seed})
+    if not lacking:
+        print(
+            f"The simulated board beside the firmware: YAHBOOMD_SEED={seed} repeats the commands."
+        )
     if ended:
         print("firmware: tried, and FAILED")
     elif lacking:

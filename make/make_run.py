@@ -24,6 +24,7 @@ HINT = """\
 
 Now, in a second terminal, in this folder ({folder}):
   .venv/bin/yahboomd drive{options}      drive it with the keyboard
+  .venv/bin/yahboomd move straight 1{options}    drive a metre; turn 90deg turns it
   .venv/bin/yahboomd monitor{options}    watch it
 Ctrl-C ends it here.
 
@@ -103,7 +104,7 @@ def _drive(
     listen: str,
     own: tuple[str, ...] = (),
 ) -> int:
-    """Run the daemon, and once it listens start the page and print how to drive.
+    """Run the daemon; once it listens start the page and the moves, and print how to drive.
 
     Args:
         port: The board's port.
@@ -119,7 +120,7 @@ def _drive(
         signal.signal(number, lambda number, _: daemon.send_signal(number))
     deadline = time.monotonic() + PATIENCE_S
     invited = False
-    page: subprocess.Popen[bytes] | None = None
+    children: list[subprocess.Popen[bytes]] = []
     while True:
         try:
             if not invited and (listener(endpoints) == daemon.pid or time.monotonic() > deadline):
@@ -127,11 +128,15 @@ def _drive(
                 options = "".join(f" {shlex.quote(word)}" for word in more)
                 sys.stdout.write(HINT.format(folder=Path.cwd(), options=options))
                 sys.stdout.flush()
-                page = subprocess.Popen([*_yahboomd(), "web", "--listen", listen, *more])
+                children.append(subprocess.Popen([*_yahboomd(), "web", "--listen", listen, *more]))
+                # Quiet: what it reports, the page's server reports too.
+                moves = [*_yahboomd(), "moves", *more]
+                children.append(subprocess.Popen(moves, stdout=subprocess.DEVNULL))
             status = daemon.wait(None if invited else 0.05)
-            if page is not None:
-                page.terminate()
-                page.wait()
+            for child in children:
+                child.terminate()
+            for child in children:
+                child.wait()
             return status if status >= 0 else 128 - status
         except subprocess.TimeoutExpired:
             continue

@@ -13,6 +13,7 @@ import pytest
 SYSTEMD = Path(__file__).resolve().parent.parent / "systemd"
 UNITS = ("yahboomd.service", "yahboomd@.service")
 METRICS = "yahboomd-metrics.service"
+MOVES = "yahboomd-moves.service"
 WEB = "yahboomd-web.service"
 MOST_EXPOSURE = 1.5
 
@@ -32,14 +33,16 @@ def keys(unit: str) -> dict[str, list[str]]:
 @pytest.fixture
 def units(tmp_path: Path) -> Path:
     """The units with a program that exists, since systemd looks."""
-    for unit in (*UNITS, METRICS, WEB):
+    for unit in (*UNITS, METRICS, MOVES, WEB):
         text = (SYSTEMD / unit).read_text().replace("/usr/bin/yahboomd", "/bin/true")
         (tmp_path / unit).write_text(text)
     return tmp_path
 
 
 @needs_analyze
-@pytest.mark.parametrize("unit", ["yahboomd.service", "yahboomd@front.service", METRICS, WEB])
+@pytest.mark.parametrize(
+    "unit", ["yahboomd.service", "yahboomd@front.service", METRICS, MOVES, WEB]
+)
 def test_systemd_finds_nothing_to_say_about_the_unit(units: Path, unit: str) -> None:
     ran = subprocess.run(
         ["systemd-analyze", "verify", "--man=no", str(units / unit)],
@@ -53,7 +56,7 @@ def test_systemd_finds_nothing_to_say_about_the_unit(units: Path, unit: str) -> 
 
 
 @needs_analyze
-@pytest.mark.parametrize("unit", [*UNITS, METRICS, WEB])
+@pytest.mark.parametrize("unit", [*UNITS, METRICS, MOVES, WEB])
 def test_the_service_is_exposed_to_little(unit: str) -> None:
     ran = subprocess.run(
         ["systemd-analyze", "security", "--offline=true", str(SYSTEMD / unit)],
@@ -130,7 +133,7 @@ def test_a_listener_that_a_person_opens_is_not_cut_off(unit: str) -> None:
     assert not {"IPAddressDeny", "IPAddressAllow", "PrivateNetwork"} & set(keys(unit))
 
 
-@pytest.mark.parametrize("unit", [*UNITS, METRICS, WEB])
+@pytest.mark.parametrize("unit", [*UNITS, METRICS, MOVES, WEB])
 def test_the_page_that_a_unit_names_is_in_the_package(unit: str) -> None:
     (link,) = keys(unit)["Documentation"]
     page = link.removeprefix("file:/usr/share/doc/yahboomd/")

@@ -113,6 +113,7 @@ def test_a_source_without_a_timeout_has_the_common_one():
         AllowedSource(name="cmd_vel", priority=10, timeout_s=0.5),
         AllowedSource(name="cmd_vel/teleop", priority=100, timeout_s=0.3),
         AllowedSource(name="cmd_vel/web", priority=50, timeout_s=0.3),
+        AllowedSource(name="cmd_vel/moves", priority=5, timeout_s=0.3),
     )
 
 

@@ -12,7 +12,7 @@ from urllib.parse import quote
 
 import pytest
 
-from yahboomd.core.clock import LoopClock, SystemClock
+from yahboomd.core.clock import SystemClock
 from yahboomd.core.config import Config, read
 from yahboomd.core.daemon import assembly
 from yahboomd.core.daemon.estop.latch_file import LatchFile
@@ -21,7 +21,7 @@ from yahboomd.core.link import port_note
 from yahboomd.core.link.discovery import Candidate
 from yahboomd.core.link.port_identity import identify
 from yahboomd.core.link.port_note import PortNote
-from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 
 
 def config(*overrides: str) -> Config:

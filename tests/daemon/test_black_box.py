@@ -19,12 +19,11 @@ from yahboomd.core.blackbox.box_file import Box, read_box
 from yahboomd.core.blackbox.records import DecisionRecord, Ended, Happened
 from yahboomd.core.blackbox.ring_file import RingFile, ring_folder, rings
 from yahboomd.core.blackbox.saved_boxes import saved_boxes
-from yahboomd.core.clock import LoopClock
 from yahboomd.core.config import read
 from yahboomd.core.daemon.black_box import AGAIN_S, REASONS, BoxKeeper, header
 from yahboomd.core.link.tap import NO_TAP
 from yahboomd.core.model import Event, EventKind
-from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 from yahboomd.tools.schemas.event_kinds import KINDS
 
 

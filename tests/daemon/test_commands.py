@@ -13,10 +13,10 @@ from yahboomd.core.bus.subscriptions import Arrival
 from yahboomd.core.daemon.commands import ClockWatch, CommandIntake, PoseIntake
 from yahboomd.core.drive.arbiter import Arbiter
 from yahboomd.core.drive.arbitration import AllowedSource
-from yahboomd.core.messages.set_pose import pose_message
 from yahboomd.core.messages.status_fields import REFUSALS
 from yahboomd.core.model import Event
 from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.tools.schemas.cdr_samples import pose_message
 
 MS = 1_000_000
 NONE_REFUSED = dict.fromkeys(REFUSALS, 0)

@@ -13,7 +13,6 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.core.clock import LoopClock
 from yahboomd.core.daemon.process import (
     BACK_OFF_S,
     ENDING,
@@ -26,7 +25,7 @@ from yahboomd.core.daemon.process import (
     open_bus,
 )
 from yahboomd.core.errors import BusError
-from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 
 
 def test_every_signal_is_handled_that_can_be_and_would_end_or_suspend_the_process() -> None:

@@ -14,7 +14,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from robot_bench import Heard, RobotBench
 
-from yahboomd.core.clock import LoopClock
 from yahboomd.core.daemon.publisher import EVENTS_A_SECOND, Events, Pace, Publisher
 from yahboomd.core.daemon.stamps import WallStamps
 from yahboomd.core.model import (
@@ -27,7 +26,7 @@ from yahboomd.core.model import (
     Pose2d,
     Twist2d,
 )
-from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 from yahboomd.tools.schemas.event_kinds import KINDS
 
 

@@ -12,13 +12,12 @@ from robot_bench import RobotBench
 from status_check import assert_registered
 
 from yahboomd.core.bus.presence import Neighbour
-from yahboomd.core.clock import LoopClock
 from yahboomd.core.config import Config
 from yahboomd.core.daemon.black_box import BoxKeeper
 from yahboomd.core.daemon.recorders import Recorders
 from yahboomd.core.daemon.status_sample import Status
 from yahboomd.core.messages.status_fields import ZEROS
-from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 
 
 class Bus:

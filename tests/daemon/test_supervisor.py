@@ -11,7 +11,6 @@ import pytest
 from board_bench import LinkBench
 from robot_bench import RobotBench
 
-from yahboomd.core.clock import LoopClock
 from yahboomd.core.daemon.supervisor import BACK_OFF_S, Supervisor, storing_opener
 from yahboomd.core.errors import (
     BoardError,
@@ -26,7 +25,7 @@ from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.motors import FAULTS
 from yahboomd.simulation.options import SimulationOptions
-from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 
 ON = "board.write_settings=true"
 UNFIT = SimulationOptions(flash=FlashContent(motor_type=2, lines=0))

@@ -26,7 +26,7 @@ class Recorded:
 
     def __init__(self) -> None:
         self.words: list[object] = []
-        self.noisy = False
+        self.noisy, self.cuts = False, True
 
     def drive(self, units: Counts) -> None:
         self.words.append(units)
@@ -138,6 +138,92 @@ def test_motors_are_let_go_once_they_stand_where_that_is_wanted(board: Recorded)
     standing(wheels, 10, 100)
     wheels.stand(100 * MS, at_once=False)
     assert board.words[-1] == "release"
+
+
+def rested(board: Recorded) -> Wheels:
+    """Wheels that stood for two seconds and were let go."""
+    wheels = make(board, "auto")
+    wheels.turn((0.3, 0.3))
+    wheels.stand(0, at_once=False)
+    standing(wheels, 10, 2020)
+    wheels.stand(2020 * MS, at_once=False)
+    assert board.words[-1] == "release"
+    standing(wheels, 2020, 2100)
+    return wheels
+
+
+def roll(wheels: Wheels, from_ms: int, ticks: int) -> list[str]:
+    return [
+        fault.kind
+        for ms, count in ((from_ms, ticks // 2), (from_ms + 10, ticks))
+        for fault in wheels.measure(ms * MS, (0.1, 0.0), (count, 0))
+    ]
+
+
+def test_wheels_that_were_let_go_at_rest_and_roll_are_held_with_that_reading(
+    board: Recorded,
+) -> None:
+    wheels = rested(board)
+    board.words.clear()
+    # 31 counts are 5 mm.
+    assert roll(wheels, 2100, 30) == []
+    assert board.words == []
+    assert roll(wheels, 2120, 40) == ["rolled"]
+    assert board.words == [(0, 0, 0, 0)]
+    for ms in range(2140, 6000, 20):
+        wheels.stand(ms * MS, at_once=False)
+        wheels.measure(ms * MS, (0.0, 0.0), (40, 0))
+    assert "release" not in board.words
+
+
+def test_a_stop_that_is_asked_for_brakes_wheels_that_were_let_go_at_rest(board: Recorded) -> None:
+    wheels = rested(board)
+    board.words.clear()
+    wheels.stop_again(2100 * MS)
+    wheels.stand(2100 * MS, at_once=True)
+    assert board.words[:1] == ["brake"]
+
+
+@pytest.mark.parametrize("why", ["cut", "unfit"])
+def test_neither_a_cut_nor_an_unfit_board_is_undone_by_wheels_that_roll(
+    board: Recorded, why: str
+) -> None:
+    wheels = rested(board)
+    if why == "cut":
+        wheels.cut(2100 * MS)
+    else:
+        wheels.attach(board, BoardFit(motion=None, wheel_limits=(0.0, 0.0), wrong=("Zeros.",)))
+        wheels.stand(2100 * MS, at_once=False)
+    assert board.words[-1] == "release"
+    assert "rolled" not in roll(wheels, 2120, 500)
+    wheels.stand(2150 * MS, at_once=False)
+    assert board.words[-1] == "release"
+
+
+def test_a_board_that_cannot_release_its_motors_goes_on_holding_them(board: Recorded) -> None:
+    board.cuts = False
+    wheels = make(board, "auto")
+    wheels.stand(0, at_once=False)
+    standing(wheels, 10, 5000)
+    wheels.stand(5000 * MS, at_once=False)
+    assert "release" not in board.words
+
+
+def test_wheels_that_were_cut_for_a_slow_stop_are_held_if_a_slope_takes_them(
+    board: Recorded,
+) -> None:
+    wheels = make(board, "auto")
+    wheels.turn((0.5, 0.5))
+    travel_m, kinds = 0.0, list[str]()
+    for ms in range(0, 2000, 10):
+        speed = max(0.5 * 0.997**ms, 0.06)
+        travel_m += speed * 0.01
+        ticks = round(travel_m / MOTORS[0].metres_per_tick)
+        kinds += [each.kind for each in wheels.measure(ms * MS, (speed, speed), (ticks, ticks))]
+        wheels.stand(ms * MS, at_once=False)
+    assert "cut" in board.words
+    assert kinds[0] == "rolled"
+    assert (0, 0, 0, 0) in board.words[board.words.index("cut") :]
 
 
 def test_a_new_motion_ends_the_cut(board: Recorded) -> None:

@@ -50,11 +50,54 @@ def test_motors_that_are_all_silent_point_to_the_supply() -> None:
     assert "supply" in found[0].message
 
 
-def test_of_motors_that_are_all_silent_the_first_one_gives_the_speeds() -> None:
+def test_motors_that_are_all_silent_are_reported_once_whatever_their_speeds() -> None:
     check = WheelsCheck(["left", "right"])
     check.command(0, [0.3, 0.4])
     (found,) = [fault for n in range(50) for fault in check.measure(n * 20 * MS, [0, 0], [0, 0])]
-    assert found.commanded_m_s == 0.3
+    assert (found.motor, found.commanded_m_s) == (None, 0.4)
+
+
+def started(commanded: float, starts_m: dict[str, float], steps: int = 200) -> dict[str, int]:
+    """The commanded way (mm) at which each wheel was accused; those that start count from there."""
+    check = WheelsCheck(list(starts_m), latency_s=0.0)
+    check.command(0, [commanded] * len(starts_m))
+    accused: dict[str, int] = {}
+    for n in range(steps):
+        way_m = commanded * n * 0.01
+        turns = [way_m > start_m for start_m in starts_m.values()]
+        ticks = [3 if turning else 0 for turning in turns]
+        for fault in check.measure(n * 10 * MS, [commanded * turning for turning in turns], ticks):
+            accused[fault.motor or "all"] = round(way_m * 1e3)
+    return accused
+
+
+@pytest.mark.parametrize("commanded", [0.06, 0.1])
+def test_motors_stiffer_than_the_stored_dead_zone_may_all_be_slow_to_start(
+    commanded: float,
+) -> None:
+    assert started(commanded, {"left": 0.049, "right": 0.058}) == {}
+    # Long enough, and they are all without counts.
+    assert set(started(commanded, {"left": 9.0, "right": 9.0})) == {"all"}
+    assert 63 <= started(commanded, {"left": 9.0, "right": 9.0})["all"] <= 65
+
+
+@pytest.mark.parametrize(("commanded", "accused_mm"), [(0.06, 45), (0.1, 30)])
+def test_a_wheel_without_counts_has_no_longer_where_the_others_start_at_once(
+    commanded: float, accused_mm: int
+) -> None:
+    found = started(commanded, {"left": 9.0, "right": 0.01})
+    assert found == {"left": pytest.approx(accused_mm, abs=2)}
+
+
+def test_a_wheel_that_counted_before_is_not_slow_to_start() -> None:
+    check = WheelsCheck(["left", "right"], latency_s=0.0)
+    check.command(0, [0.1, 0.1])
+    for n in range(100):
+        check.measure(n * 10 * MS, [0.1, 0.1], [6, 6])
+    silent_ms = next(
+        n * 10 for n in range(1, 100) if check.measure((990 + n * 10) * MS, [0.0] * 2, [0] * 2)
+    )
+    assert 300 <= silent_ms <= 340
 
 
 def test_the_only_motor_there_is_keeps_its_name_when_it_is_silent() -> None:

@@ -10,10 +10,9 @@ from board_bench import LinkBench
 from fault_bench import FaultBench
 from vendor_firmware import MOTORS, ON_THE_FIRMWARE
 
-from yahboomd.core.clock import LoopClock
 from yahboomd.core.link.stopping import stop_unidentified
 from yahboomd.simulation.options import SimulationOptions
-from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 
 pytestmark = ON_THE_FIRMWARE
 

@@ -10,6 +10,8 @@ import json
 import sys
 import threading
 
+TOPICS = ("cmd_vel", "/tf", "/tf_static", "joint_states")
+
 
 def say(**line):
     print(json.dumps(line), flush=True)
@@ -25,7 +27,7 @@ def stand_in(arguments):
     say(
         event="node",
         name=node.get_fully_qualified_name(),
-        topics={name: node.resolve_topic_name(name) for name in ("cmd_vel", "/tf", "joint_states")},
+        topics={name: node.resolve_topic_name(name) for name in TOPICS},
         parameters={
             name: parameter.value
             for name, parameter in node.get_parameters_by_prefix("").items()

@@ -43,6 +43,28 @@ NODES = {
     "robot_localization": "ekf_node",
     "rviz2": "rviz2",
 }
+OTHERS = {
+    "slam_toolbox": "async_slam_toolbox_node",
+    "opennav_docking": "opennav_docking",
+    **{
+        f"nav2_{name}": program
+        for name, program in {
+            "amcl": "amcl",
+            "behaviors": "behavior_server",
+            "bt_navigator": "bt_navigator",
+            "collision_monitor": "collision_monitor",
+            "controller": "controller_server",
+            "lifecycle_manager": "lifecycle_manager",
+            "map_server": "map_server",
+            "planner": "planner_server",
+            "route": "route_server",
+            "smoother": "smoother_server",
+            "velocity_smoother": "velocity_smoother",
+            "waypoint_follower": "waypoint_follower",
+        }.items()
+    },
+}
+"""The programs that launch files of others start."""
 
 
 def run(*command: object, **more) -> subprocess.CompletedProcess[str]:
@@ -181,16 +203,31 @@ def launch_python() -> str:
     return python
 
 
+def found_package(name: str) -> Path | None:
+    """The shared files of an installed package."""
+    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(":")
+    return next((p for each in prefixes if (p := Path(each, "share", name)).is_dir()), None)
+
+
+def need(*packages: str) -> None:
+    for name in packages:
+        if found_package(name) is None:
+            pytest.skip(f"no {name} here: source a ROS 2 installation with it")
+
+
 @pytest.fixture
 def launch(installed, launch_python, tmp_path) -> Callable[..., list[dict]]:
     """Launches a file; the events until that number of nodes printed their parameters."""
     prefix = tmp_path / "prefix"
-    for package, program in NODES.items():
+    for package, program in {**NODES, **OTHERS}.items():
         stand_in = prefix / "lib" / package / program
         stand_in.parent.mkdir(parents=True)
         stand_in.write_text(f'#!/bin/sh\nexec {launch_python} {LAUNCHED} --stand-in "$@"\n')
         stand_in.chmod(0o755)
-        (prefix / "share" / package).mkdir(parents=True)
+        share = prefix / "share" / package
+        share.parent.mkdir(parents=True, exist_ok=True)
+        own = found_package(package)
+        share.symlink_to(own) if own else share.mkdir()
         marker = prefix / "share/ament_index/resource_index/packages" / package
         marker.parent.mkdir(parents=True, exist_ok=True)
         marker.touch()
@@ -288,15 +325,8 @@ def test_natively_the_middleware_is_asked_for_and_no_bridge_started(launch) -> N
     assert "Export it before `ros2 launch`" in log["text"]
 
 
-def of_package(name: str, path: str) -> Path:
-    for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(":"):
-        if (found := Path(prefix, "share", name, path)).exists():
-            return found
-    pytest.skip(f"no {name} here: source a ROS 2 installation with it")
-
-
 def test_nav2_and_slam_toolbox_get_their_own_files_with_the_base_laid_over(launch) -> None:
-    of_package("nav2_bringup", "params/nav2_params.yaml")
+    need("nav2_bringup", "slam_toolbox")
     events = launch("navigation", SLOW.splitlines()[0], 11, "robot_radius:=0.3")
     found = nodes_of(events)
     smoother = found["/velocity_smoother"]
@@ -304,8 +334,55 @@ def test_nav2_and_slam_toolbox_get_their_own_files_with_the_base_laid_over(launc
     # A key that only Nav2's own file has.
     assert smoother["parameters"]["velocity_timeout"] == 1.0
     assert found["/collision_monitor"]["parameters"]["base_frame_id"] == "base_link"
-    of_package("slam_toolbox", "launch/online_async_launch.py")
     (mapper,) = nodes_of(launch("slam", "", 1, "scan_topic:=/front/scan")).values()
     assert mapper["parameters"]["base_frame"] == "base_link"
     assert mapper["parameters"]["scan_topic"] == "/front/scan"
     assert mapper["parameters"]["mode"] == "mapping"
+
+
+def test_slam_toolbox_maps_in_the_robots_namespace_with_its_own_transforms(launch) -> None:
+    need("slam_toolbox")
+    (mapper,) = nodes_of(launch("slam", SLOW, 1)).values()
+    assert mapper["name"] == "/bot1/slam_toolbox"
+    assert (mapper["topics"]["/tf"], mapper["topics"]["/tf_static"]) == (
+        "/bot1/tf",
+        "/bot1/tf_static",
+    )
+    parameters = mapper["parameters"]
+    # Without a slash in front, so below the namespace.
+    assert (parameters["scan_topic"], parameters["map_name"]) == ("scan", "map")
+    # A key that only slam_toolbox's own file has.
+    assert parameters["mode"] == "mapping"
+
+
+def test_nav2_drives_in_the_robots_namespace_with_its_own_transforms(launch) -> None:
+    need("nav2_bringup")
+    text = SLOW + 'ros2.frame_prefix = "bot1/"\n'
+    found = nodes_of(launch("navigation", text, 14, "map:=/room.yaml"))
+    names = {name for name in found if not name.startswith("/bot1/")}
+    assert names == set()
+    # Those that ask where the robot is.
+    for name in ("planner_server", "behavior_server", "bt_navigator", "amcl", "collision_monitor"):
+        node = found[f"/bot1/{name}"]
+        assert (node["topics"]["/tf"], node["topics"]["/tf_static"]) == (
+            "/bot1/tf",
+            "/bot1/tf_static",
+        )
+    amcl = found["/bot1/amcl"]["parameters"]
+    assert (amcl["global_frame_id"], amcl["odom_frame_id"]) == ("bot1/map", "bot1/odom")
+    assert amcl["scan_topic"] == "scan"
+    monitor = found["/bot1/collision_monitor"]
+    assert monitor["topics"]["cmd_vel"] == "/bot1/cmd_vel"
+    assert monitor["parameters"]["FootprintApproach.footprint_topic"] == (
+        "/bot1/local_costmap/published_footprint"
+    )
+    assert found["/bot1/velocity_smoother"]["parameters"]["max_velocity"] == [0.2, 0.0, 1.9]
+
+
+def test_costmaps_read_the_scan_of_their_own_robot(launch, tmp_path) -> None:
+    need("nav2_bringup")
+    launch("navigation", SLOW, 11)
+    (file,) = tmp_path.glob("yahboomd-nav2-*.yaml")
+    text = file.read_text()
+    assert text.count("topic: /bot1/scan") == 2
+    assert "topic: /scan" not in text

@@ -11,12 +11,11 @@ from board_bench import BoardPort, LinkBench
 from serial.tools import list_ports
 from serial.tools.list_ports_common import ListPortInfo
 
-from yahboomd.core.clock import LoopClock
 from yahboomd.core.errors import BoardSilent, ConfigError, PortBusy, PortMissing
 from yahboomd.core.link.discovery import Candidate, candidates, choose, find, without_driver
 from yahboomd.core.link.port import byte_time_ns
 from yahboomd.core.protocol.registry import DIALECTS, usb_ids
-from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 
 NOWHERE = "/nonexistent/yahboom_driver"
 LIKELY, UNLIKELY = usb_ids()

@@ -4,9 +4,8 @@ import os
 
 import pytest
 
-from yahboomd.core.clock import LoopClock
 from yahboomd.core.link.draining import STUCK_NS, OutputWatch, drained, in_kernel
-from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 
 BYTE_NS = 86_806
 

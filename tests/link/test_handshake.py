@@ -7,7 +7,6 @@ import asyncio
 import pytest
 from board_bench import Bench, LinkBench
 
-from yahboomd.core.clock import LoopClock
 from yahboomd.core.errors import BoardSilent
 from yahboomd.core.link import handshake
 from yahboomd.core.link.conversation import Conversation
@@ -20,7 +19,7 @@ from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.options import ImpairmentOptions, SimulationOptions
-from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 
 
 class Script:

@@ -8,7 +8,6 @@ import itertools
 import pytest
 from board_bench import BoardPort, LinkBench
 
-from yahboomd.core.clock import LoopClock
 from yahboomd.core.errors import BoardSilent, PortLost
 from yahboomd.core.link.conversation import Conversation
 from yahboomd.core.link.gathering import ALIKE
@@ -18,7 +17,7 @@ from yahboomd.core.model import Counts, EncoderReading
 from yahboomd.core.protocol.dialect import Battery, Decoded, Unrecognised
 from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.core.protocol.registry import DIALECTS
-from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 
 COUNTS = b"$MAll:1,2,3,4#\r\n"
 

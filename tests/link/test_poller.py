@@ -7,12 +7,11 @@ from typing import Any
 
 import pytest
 
-from yahboomd.core.clock import LoopClock
 from yahboomd.core.errors import BoardSilent
 from yahboomd.core.link.poller import REARM_AFTER_S, SILENT_AFTER_S, Poller
 from yahboomd.core.model import EncoderReading
 from yahboomd.core.protocol.registry import DIALECTS
-from yahboomd.simulation.virtual_time import VirtualTimeLoop, on_virtual_time
+from yahboomd.simulation.virtual_time import LoopClock, VirtualTimeLoop, on_virtual_time
 
 
 class Pen:

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 import pytest
 from kernel_queue import Line, QueueingPort
 
-from yahboomd.core.clock import LoopClock
 from yahboomd.core.link import stopping
 from yahboomd.core.link.stopping import (
     STAND_WITHIN_S,
@@ -23,7 +22,7 @@ from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.simulation.motors import MotorFaults
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
-from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 
 MS = 1_000_000
 

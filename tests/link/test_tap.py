@@ -6,14 +6,13 @@ from typing import Any
 
 from board_bench import BoardPort
 
-from yahboomd.core.clock import LoopClock
 from yahboomd.core.link.line import Line
 from yahboomd.core.link.tap import NO_TAP, TappedPort
 from yahboomd.core.model import EncoderReading
 from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
-from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 
 
 class Notes:

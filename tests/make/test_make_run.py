@@ -80,6 +80,7 @@ def test_without_a_port_a_board_is_simulated_and_the_robot_can_be_driven(
     wait_for(lambda: ".venv/bin/yahboomd drive" in made.output, "the invitation")
     wait_for(lambda: "The page is at http://127.0.0.1:" in made.output, "the page")
     wait_for(lambda: f"{endpoint} answers" in made.output, "the page found its daemon")
+    wait_for(lambda: children(made.process.pid, "moves"), "moves are served")
     assert made.end() == 0
     assert "Traceback" not in made.output
 

@@ -104,8 +104,8 @@ def test_a_straight_ends_at_its_length_in_time_and_without_overshoot(
 @pytest.mark.parametrize("angle", [-3.0, -0.3, 0.3, math.pi / 2.0])
 def test_a_turn_ends_at_its_angle(lag_s: float, angle: float) -> None:
     lag = LagModel()
-    Driven(TurnLeg(TURN, lag, begin=0.0, goal=1.0, last=True), lag, lag_s)
-    driven = Driven(TurnLeg(TURN, lag, begin=0.0, goal=angle, last=True), lag, lag_s)
+    Driven(TurnLeg(TURN, lag, begin=Pose2d(), goal=1.0, last=True), lag, lag_s)
+    driven = Driven(TurnLeg(TURN, lag, begin=Pose2d(), goal=angle, last=True), lag, lag_s)
     assert driven.end.theta == pytest.approx(angle, abs=math.radians(0.2))
     assert driven.past <= math.radians(0.25)
 
@@ -162,6 +162,13 @@ def test_a_free_base_turns_on_its_way(lag_s: float, direction: float) -> None:
     assert middle.theta == pytest.approx(0.6, abs=0.06)
 
 
+def test_a_turn_comes_back_to_its_place() -> None:
+    lag = LagModel()
+    leg = TurnLeg(TURN, lag, begin=Pose2d(), goal=math.pi / 2.0, last=True)
+    driven = Driven(leg, lag, 0.1, begin=Pose2d(x=0.012))
+    assert math.hypot(driven.end.x, driven.end.y) < 0.005
+
+
 def test_held_it_comes_to_rest_within_its_acceleration_and_goes_on() -> None:
     lag, plant = LagModel(), Plant(0.1)
     leg = ahead(1.0, lag)
@@ -192,8 +199,8 @@ def test_the_speed_is_lower_in_a_bend_and_before_it() -> None:
 
 def test_one_that_is_not_the_last_does_not_wait() -> None:
     lag = LagModel()
-    first = TurnLeg(TURN, lag, begin=0.0, goal=1.0, last=False)
-    last = TurnLeg(TURN, lag, begin=0.0, goal=1.0, last=True)
+    first = TurnLeg(TURN, lag, begin=Pose2d(), goal=1.0, last=False)
+    last = TurnLeg(TURN, lag, begin=Pose2d(), goal=1.0, last=True)
     assert Driven(first, lag, 0.1).time_s < Driven(last, LagModel(), 0.1).time_s
 
 

@@ -51,6 +51,15 @@ def test_a_pose_that_was_set_is_a_jump_and_a_fast_base_is_not() -> None:
     assert watch.jumped(Pose2d(x=2.0, theta=0.0), 100 * STEP_NS)
 
 
+def test_wheels_that_turn_while_the_gyro_does_not_slip() -> None:
+    watch = MoveWatch()
+    assert any(watch.slips(1.0, 0.02, step * STEP_NS) for step in range(50))
+    watch = MoveWatch()
+    assert not any(watch.slips(1.0, 0.9, step * STEP_NS) for step in range(50))
+    watch = MoveWatch()
+    assert not any(watch.slips(0.02, 0.0, step * STEP_NS) for step in range(500))
+
+
 def test_uncertainty_counts_from_the_begin_of_the_moves() -> None:
     watch = MoveWatch()
     begun = (4.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.1)

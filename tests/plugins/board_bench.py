@@ -6,7 +6,6 @@ import asyncio
 from collections.abc import Callable
 from typing import Any, Self
 
-from yahboomd.core.clock import LoopClock
 from yahboomd.core.link.connected_board import ConnectedBoard
 from yahboomd.core.link.handshake import Identity
 from yahboomd.core.link.port import byte_time_ns
@@ -15,6 +14,7 @@ from yahboomd.core.model import Counts, EncoderReading, Event, ImuReading
 from yahboomd.simulation.memory import MemoryPort
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
+from yahboomd.simulation.virtual_time import LoopClock
 
 
 class BoardPort:

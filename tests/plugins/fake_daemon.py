@@ -15,6 +15,7 @@ import msgspec
 import pytest
 from zenoh_fixtures import PATIENCE_S, free_endpoint
 
+from yahboomd.client.move_messages import SOURCE
 from yahboomd.core.bus import keys
 from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.options import BusOptions
@@ -63,7 +64,7 @@ class FakeDaemon:
         )
         self._bus = Bus(options)
         await self._bus.open()
-        for key in (keys.CMD_VEL, keys.CMD_VEL_TELEOP, keys.CMD_VEL_WEB):
+        for key in (keys.CMD_VEL, keys.CMD_VEL_TELEOP, keys.CMD_VEL_WEB, SOURCE):
             self._bus.subscribe(key, self._take)
         if self.config is not None:
             self._bus.serve(keys.CONFIG, self._tell_config, fallback=_refuse)

@@ -14,7 +14,6 @@ from event_check import assert_registered
 from yahboomd.core.blackbox.recorder import Recorder
 from yahboomd.core.blackbox.ring import Ring
 from yahboomd.core.bus.subscriptions import Arrival
-from yahboomd.core.clock import LoopClock
 from yahboomd.core.config import Config, read
 from yahboomd.core.daemon import assembly
 from yahboomd.core.daemon.commands import CommandIntake
@@ -28,6 +27,7 @@ from yahboomd.core.messages.native import VelocityCommand
 from yahboomd.core.model import Event, ImuEstimate, OdometryEstimate
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
+from yahboomd.simulation.virtual_time import LoopClock
 
 
 def steps_of(controller: Controller) -> list[int]:

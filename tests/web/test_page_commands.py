@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import asyncio
 
-from yahboomd.core.clock import LoopClock
 from yahboomd.core.model import STANDSTILL, Twist2d
-from yahboomd.simulation.virtual_time import VirtualTimeLoop, on_virtual_time
+from yahboomd.simulation.virtual_time import LoopClock, VirtualTimeLoop, on_virtual_time
 from yahboomd.web.page_commands import PageCommands, PageRefusal
 
 FORWARD = Twist2d(vx=0.3)

@@ -16,8 +16,8 @@ from real_robot import RealRobot
 from web_site import TOKENS, Page, Site
 from zenoh_fixtures import eventually
 
-from yahboomd.core.clock import LoopClock, SystemClock
-from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.core.clock import SystemClock
+from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 from yahboomd.web import page_recordings
 from yahboomd.web.page_recordings import ALONE_S, PageRecordings
 

@@ -8,8 +8,7 @@ from typing import Any
 
 import pytest
 
-from yahboomd.core.clock import LoopClock
-from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 from yahboomd.web.page_frames import part
 from yahboomd.web.page_session import BURST, FRAMES_PER_S, QUEUED, PageSession
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import asyncio
 
-from yahboomd.core.clock import LoopClock
-from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 from yahboomd.web.rate_limit import ADDRESSES, RateLimit
 
 

@@ -14,7 +14,7 @@ import pytest
 from web_site import TOKENS, ZERO
 from zenoh_fixtures import eventually, free_endpoint
 
-from yahboomd.core.daemon.process_limits import allow_files
+from yahboomd.cli.process_limits import allow_files
 from yahboomd.core.errors import ConfigError, ListenError
 from yahboomd.web import web_server
 from yahboomd.web.own_certificate import make_certificate

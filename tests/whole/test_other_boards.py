@@ -18,7 +18,6 @@ from binary_dialect import BINARY, registered
 from board_bench import Bench, LinkBench
 from fault_bench import FaultBench, is_stop
 
-from yahboomd.core.clock import LoopClock
 from yahboomd.core.link.stopping import stop_unidentified
 from yahboomd.core.link.storing import store
 from yahboomd.core.protocol.first_words import FIRST_WORDS
@@ -28,7 +27,7 @@ from yahboomd.simulation.imu import MPU9250, ImuOptions
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
 from yahboomd.simulation.rosmaster.rosmaster_flash import RosmasterStored
-from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 from yahboomd.tools.port.probing import examine
 from yahboomd.tools.probe.probe_report import report
 from yahboomd.tools.probe.probe_text import text

@@ -106,7 +106,7 @@ def _check_output(args: argparse.Namespace) -> None:
 
 def _read(path: Path) -> Box:
     from yahboomd.core.blackbox.box_file import NotABox, read_box
-    from yahboomd.core.blackbox.saved_boxes import box_bytes
+    from yahboomd.tools.blackbox.box_places import box_bytes
 
     try:
         with path.open("rb") as file:

@@ -89,9 +89,9 @@ def _serve(args: argparse.Namespace, guard: int | None) -> int:
         lambda: _read(args), tuple[Config, tuple[str, ...], dict[str, tuple[str, str]]]
     )
     # Imported while the child reads.
+    from yahboomd.cli.process_limits import make_room
     from yahboomd.core.daemon.logs import configure, flush
     from yahboomd.core.daemon.process import die_of
-    from yahboomd.core.daemon.process_limits import make_room
     from yahboomd.core.daemon.service import Daemon
 
     config, warnings, meanings = wait()

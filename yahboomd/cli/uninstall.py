@@ -88,8 +88,8 @@ def _instances(root: Path) -> list[str]:
 
 
 def _others(root: Path) -> list[str]:
-    """The services of the metrics and the page, if they are installed."""
-    names = ("yahboomd-metrics.service", "yahboomd-web.service")
+    """The services of the metrics, the moves and the page, if they are installed."""
+    names = ("yahboomd-metrics.service", "yahboomd-moves.service", "yahboomd-web.service")
     return [name for name in names if (root / install_plan.FILES[name]).exists()]
 
 

@@ -242,8 +242,8 @@ def _links(args: argparse.Namespace, folder: Path) -> int:
 
 
 async def _serve(setup: _Setup) -> int:
+    from yahboomd.cli.process_limits import allow_files, check_limits
     from yahboomd.core.clock import SystemClock
-    from yahboomd.core.daemon.process_limits import allow_files, check_limits
     from yahboomd.web.page_files import page_files
     from yahboomd.web.page_hub import PageHub
     from yahboomd.web.page_link import announce, link, own_names

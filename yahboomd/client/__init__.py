@@ -7,6 +7,8 @@ the same for programs without asyncio. Leaving either stops the robot. `docs/cli
 from yahboomd.client.async_robot import AsyncRobot
 from yahboomd.client.commanding import Counters
 from yahboomd.client.connecting import connect
+from yahboomd.client.move_messages import Move, MoveSample
+from yahboomd.client.move_run import MoveEnded
 from yahboomd.client.plain_robot import Robot
 from yahboomd.client.questions import Answer
 from yahboomd.client.streams import Samples
@@ -32,6 +34,9 @@ __all__ = [
     "Counters",
     "EventSample",
     "ImuSample",
+    "Move",
+    "MoveEnded",
+    "MoveSample",
     "NoDaemon",
     "PoseSample",
     "Refused",

@@ -16,7 +16,10 @@ import msgspec
 from yahboomd.client.commanding import Commands, Counters, number
 from yahboomd.client.connection import MAX_BYTES, Connection
 from yahboomd.client.endings import Endings
+from yahboomd.client.move_messages import Move
+from yahboomd.client.move_run import MoveRun
 from yahboomd.client.questions import Answer, ask, read_answers, silence_of
+from yahboomd.client.robot_moves import RobotMoves
 from yahboomd.client.streams import (
     MOTION,
     Newest,
@@ -64,7 +67,7 @@ STANDING_SAMPLES = 3
 """The samples in a row that must show it: one may have been under way when the stop was sent."""
 
 
-class AsyncRobot(NewestSamples):
+class AsyncRobot(NewestSamples, RobotMoves):
     """One robot, through its daemon. Made by :func:`connect`, which explains the arguments.
 
     An asynchronous context manager: entering waits for the daemon, leaving stops the robot, also
@@ -101,6 +104,7 @@ class AsyncRobot(NewestSamples):
         self._label = label
         self._wait_s = wait_s
         self._streams: list[Samples[Any]] = []
+        self._runs: list[MoveRun] = []
         self._newest: dict[type[msgspec.Struct], Newest] = {}
         self._read: dict[type[msgspec.Struct], msgspec.Struct] = {}
         self._warned_of_age = False
@@ -168,6 +172,8 @@ class AsyncRobot(NewestSamples):
 
     async def _leave(self) -> None:
         try:
+            for run in self._runs:
+                await run.end()
             await self._commands.close()
         finally:
             for stream in list(self._streams):
@@ -276,6 +282,21 @@ class AsyncRobot(NewestSamples):
     def counters(self) -> Counters:
         """The fate of this client's commands, counted."""
         return self._commands.counters
+
+    def moves(self, *moves: Move, uncertain_m: float | None = None) -> MoveRun:
+        """Moves in a row: ``async with robot.moves(Move(kind="turn", angle_rad=1.57)) as run:``.
+
+        In the block, ``async for progress in run:`` follows them to their end, and
+        ``await run.finished()`` waits for the goal. Leaving the block ends them.
+
+        Args:
+            moves: 1 to 100 of them.
+            uncertain_m: They end once the place is this uncertain (m, since their begin).
+        """
+        run = MoveRun(self, moves, by=self._label, uncertain_m=uncertain_m)
+        self._runs = [each for each in self._runs if not each.is_over]
+        self._runs.append(run)
+        return run
 
     async def finished(self) -> bool:
         """Wait until the latest command has ended, its zeros included.

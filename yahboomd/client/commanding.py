@@ -29,7 +29,7 @@ SOON_NS = 5_000_000
 HEARD_NS = 1_000_000_000
 """After so long without a subscriber it is known that the daemon takes no commands on the key."""
 
-SILENCE_S = {keys.CMD_VEL_TELEOP: 0.3, keys.CMD_VEL_WEB: 0.3}
+SILENCE_S = {keys.CMD_VEL_TELEOP: 0.3, keys.CMD_VEL_WEB: 0.3, "cmd_vel/moves": 0.3}
 """The silence after which a daemon stops the robot, by source, as it is configured by default."""
 
 OTHER_SILENCE_S = 0.5

@@ -7,9 +7,32 @@ from typing import Annotated, Literal, TypeAlias
 import msgspec
 from msgspec import Meta
 
-MOST_POINTS = 5000
+from yahboomd.core.messages.native import Stamp
+
+SOURCE = "cmd_vel/moves"
+"""The key on which the moves are commanded: any other source has precedence."""
+
+MOVES = "yahboomd/moves"
+START = "yahboomd/moves/start"
+CANCEL = "yahboomd/moves/cancel"
+PAUSE = "yahboomd/moves/pause"
+RESUME = "yahboomd/moves/resume"
+BEAT = "yahboomd/moves/beat"
+HOLDER = "yahboomd/moves/holder"
+"""Below it, the client that asked declares a liveliness token with the name that it gave."""
+
+BEAT_S = 0.1
+"""The client that asked for a move sends its id this often."""
+
+SILENCE_S = 0.5
+"""A move whose client is silent for this time ends."""
+
+MOST_MOVES = 100
+MOST_POINTS = 2000
 MOST_WAY_M = 1000.0
 MOST_TURN_RAD = 700.0
+MOST_BYTES = 65_000
+"""Of a request: a path has many points."""
 
 Reason: TypeAlias = Literal[
     "reached",
@@ -35,6 +58,7 @@ Reason: TypeAlias = Literal[
 _Way = Annotated[float, Meta(ge=-MOST_WAY_M, le=MOST_WAY_M)]
 _Turn = Annotated[float, Meta(ge=-MOST_TURN_RAD, le=MOST_TURN_RAD)]
 _Cut = Annotated[float, Meta(ge=0.0, le=1000.0)]
+_Name = Annotated[str, Meta(max_length=64)]
 _Limit = Annotated[float, Meta(gt=0.0, le=1000.0)]
 _Point: TypeAlias = Annotated[tuple[float, ...], Meta(min_length=2, max_length=3)]
 
@@ -106,3 +130,61 @@ class Move(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     acceleration_rad_s2: Annotated[_Limit | None, Meta(description="Absent: 3, or lower.")] = None
     jerk_m_s3: Annotated[_Limit | None, Meta(description="Absent: 4, or lower.")] = None
     jerk_rad_s3: Annotated[_Limit | None, Meta(description="Absent: 20, or lower.")] = None
+
+
+class MoveRequest(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """Asks for one move or several in a row. The reply's data has their id."""
+
+    moves: Annotated[tuple[Move, ...], Meta(min_length=1, max_length=MOST_MOVES)]
+    by: Annotated[_Name | None, Meta(description="Who asks, for people.")] = None
+    holder: Annotated[
+        _Name | None,
+        Meta(
+            description="The last part of a liveliness token yahboomd/moves/holder/{holder} of "
+            "this client: if it goes, the moves end."
+        ),
+    ] = None
+    uncertain_m: Annotated[
+        _Limit | None,
+        Meta(
+            description="The moves end once the place is this uncertain (standard deviation since "
+            "their begin, m). Absent: 0.5."
+        ),
+    ] = None
+
+
+class MoveBeat(msgspec.Struct, frozen=True, kw_only=True):
+    """The client that asked is there: sent ten times a second, or the moves end."""
+
+    id: Annotated[str, Meta(description="Of the moves.")]
+
+
+class MoveChoice(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """Which moves to cancel, pause or resume."""
+
+    id: Annotated[str | None, Meta(description="Their id; absent: those that are running.")] = None
+
+
+class MoveSample(msgspec.Struct, frozen=True, kw_only=True):
+    """The progress of the moves, and their end."""
+
+    stamp_ns: Stamp
+    id: Annotated[str, Meta(description="Of the moves, as in the reply to their start.")]
+    state: Annotated[str, Meta(description="running, paused or ended.")]
+    kind: Annotated[str, Meta(description="Of the move that is driven.")]
+    index: Annotated[int, Meta(ge=0, description="Of the move that is driven, from 0.")]
+    count: Annotated[int, Meta(ge=1, description="How many moves were asked for.")]
+    done: Annotated[float, Meta(ge=0.0, le=1.0, description="The share of all moves.")]
+    left_m: Annotated[float, Meta(description="The way that is left of all moves.")]
+    left_rad: Annotated[float, Meta(description="The turns in place that are left of all moves.")]
+    left_s: Annotated[float, Meta(description="The time that is left, at least.")]
+    reason: Annotated[
+        str, Meta(description="Why they ended: reached, or another word; empty before.")
+    ] = ""
+    message: Annotated[str, Meta(description="The same as a sentence; empty before.")] = ""
+    by: Annotated[str, Meta(description="Who asked.")] = ""
+
+
+MOVE_MESSAGES: dict[str, type[msgspec.Struct]] = {
+    message.__name__: message for message in (MoveRequest, MoveBeat, MoveChoice, MoveSample)
+}

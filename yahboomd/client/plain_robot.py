@@ -21,6 +21,8 @@ from yahboomd.client.async_robot import DEADMAN_S, ENDPOINT, RATE_HZ, WAIT_S, As
 from yahboomd.client.commanding import Counters
 from yahboomd.client.connecting import connect
 from yahboomd.client.endings import Endings, shorten
+from yahboomd.client.move_messages import Move
+from yahboomd.client.plain_move_run import PlainMoveRun
 from yahboomd.client.streams import NewestSamples, Samples
 from yahboomd.core.bus import keys
 from yahboomd.core.errors import BusError, NoDaemon
@@ -275,6 +277,23 @@ class Robot(NewestSamples):
     stop = _at_once(AsyncRobot.stop)
     finished = _waiting(AsyncRobot.finished)
     standing = _waiting(AsyncRobot.standing)
+
+    # Moves.
+
+    straight = _waiting(AsyncRobot.straight)
+    turn = _waiting(AsyncRobot.turn)
+    arc = _waiting(AsyncRobot.arc)
+    go_to = _waiting(AsyncRobot.go_to)
+    follow = _waiting(AsyncRobot.follow)
+
+    def moves(self, *moves: Move, uncertain_m: float | None = None) -> PlainMoveRun:
+        """Moves in a row: ``with robot.moves(Move(kind="turn", angle_rad=1.57)) as run:``.
+
+        In the block, ``for progress in run:`` follows them to their end, and ``run.finished()``
+        waits for the goal. Leaving the block ends them. Arguments as for ``AsyncRobot.moves``.
+        """
+        made = self._now(lambda: self._robot.moves(*moves, uncertain_m=uncertain_m))
+        return PlainMoveRun(made, self._wait)
 
     # Samples.
 

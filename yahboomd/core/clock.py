@@ -216,7 +216,9 @@ async def sleep_until(clock: Clock, deadline_ns: int) -> None:
         alarm.close()
 
 
-class _LoopAlarm:
+class LoopAlarm:
+    """An alarm on the timers of the running event loop."""
+
     def __init__(self, callback: Callable[[], None]) -> None:
         self._loop = asyncio.get_running_loop()
         self._callback = callback
@@ -234,31 +236,6 @@ class _LoopAlarm:
 
     def close(self) -> None:
         self.set(None)
-
-
-class LoopClock:
-    """The running event loop's own time, which a virtual-time loop controls.
-
-    Wall time runs beside it from ``epoch_ns``, so that samples carry plausible stamps.
-    """
-
-    def __init__(self, epoch_ns: int = 1_700_000_000 * NS_PER_S) -> None:
-        self._epoch_ns = epoch_ns
-        self.slept_ns = 0
-        """The time a suspended machine slept, as a test pretends."""
-
-    def now_ns(self) -> int:
-        return round(asyncio.get_running_loop().time() * NS_PER_S)
-
-    def wall_ns(self) -> int:
-        return self._epoch_ns + self.now_ns()
-
-    def suspended_ns(self) -> int:
-        return self.slept_ns
-
-    def alarm(self, callback: Callable[[], None]) -> Alarm:
-        """An alarm on the loop's own timers."""
-        return _LoopAlarm(callback)
 
 
 class _ITimerSpec(ctypes.Structure):
@@ -351,4 +328,4 @@ class SystemClock:
             return _KernelAlarm(self._libc, callback)
         except OSError:
             # It waits in whole milliseconds, which is no reason to leave the wheels to themselves.
-            return _LoopAlarm(callback)
+            return LoopAlarm(callback)

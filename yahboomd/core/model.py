@@ -52,6 +52,7 @@ EventKind: TypeAlias = Literal[
     "pose_refused",
     "pose_set",
     "reset_loop",
+    "rolled",
     "router_joined",
     "router_lost",
     "runaway_against",

@@ -20,7 +20,6 @@ _CHUNK = re.compile(r"[^*$?#/@\s\x00-\x1f][^*$?#/\s\x00-\x1f]*\Z")
 _SURROGATE = re.compile("[\ud800-\udfff]")
 
 NOT_UTF8 = "it is not UTF-8"
-"""Said of text with bytes that are no character."""
 
 
 def is_utf8(text: str) -> bool:

@@ -22,6 +22,8 @@ COMMANDS = {
     "status": "print a daemon's state, and whether it can drive",
     "pose": "print the robot's pose, or set it",
     "send": "drive for a number of seconds",
+    "move": "drive straight, turn, go to a place, follow a path",
+    "moves": "serve moves to their goals, for `yahboomd move` and programs",
     "call": "call a service of the daemon",
     "events": "print events as they happen",
     "record": "write the messages of the bus to MCAP files",

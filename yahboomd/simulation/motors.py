@@ -1,7 +1,7 @@
 """A motor with its gear, its wheel and its encoder, and what can be wrong with them.
 
 The law: above the dead zone the rim speed follows the output linearly, with a first-order lag; an
-output inside the dead zone brakes; no output at all lets the wheel coast.
+output inside the dead zone brakes; no output at all lets the wheel coast, downhill on a slope.
 """
 
 from __future__ import annotations
@@ -94,6 +94,7 @@ class MotorState:
 
     Attributes:
         supply: The voltage of its supply as a share of the one that its law holds for.
+        pull_m_s2: How much the slope under the base accelerates the wheel, positive forward.
 
     Args:
         phase: Where between two counts the encoder starts, 0 to 1.
@@ -104,6 +105,7 @@ class MotorState:
         self.faults = HEALTHY
         self.pwm = 0
         self.supply = 1.0
+        self.pull_m_s2 = 0.0
         self.speed_m_s = 0.0
         self.travel_m = 0.0
         self._encoder_ticks = phase
@@ -152,14 +154,17 @@ class MotorState:
             return faults.turning_m_s, law.time_constant_s, 0.0
         output = 0 if faults.unplugged or faults.motor_dead else self.pwm
         if output == 0:
-            return 0.0, COAST_TIME_CONSTANT_S, COAST_FRICTION_M_S2
+            steep = abs(self.pull_m_s2) > COAST_FRICTION_M_S2 or self.speed_m_s
+            pulled_m_s = self.pull_m_s2 * COAST_TIME_CONSTANT_S if steep else 0.0
+            return pulled_m_s, COAST_TIME_CONSTANT_S, COAST_FRICTION_M_S2
         effect = abs(output) - law.dead_zone
         if effect <= 0:
             return 0.0, law.time_constant_s, 0.0
         share = min(1.0, effect / (PWM_MAX - law.dead_zone))
         sign = law.command_sign * (-1 if faults.phases_swapped != faults.mounted_round else 1)
+        driven_m_s = math.copysign(share * self.supply * law.max_speed_m_s, output * sign)
         return (
-            math.copysign(share * self.supply * law.max_speed_m_s, output * sign),
+            driven_m_s + self.pull_m_s2 * law.time_constant_s,
             law.time_constant_s,
             0.0,
         )

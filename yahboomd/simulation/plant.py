@@ -16,6 +16,8 @@ STEP_NS = 1_000_000
 SERVO_DEG_S = 350.0
 """How fast a servo turns the front wheels: 60 degrees in 0.17 s, as such servos are sold."""
 
+GRAVITY_M_S2 = 9.81
+
 SAG_V = 0.15
 """The drop of the battery's voltage for one motor at full output."""
 
@@ -59,6 +61,11 @@ class Plant:
         self._battery_volts = volts
         for motor in self.motors:
             motor.supply = volts / self._rated_volts
+
+    def stand_on(self, slope: float) -> None:
+        """Stand on a slope from now on: its fall for each metre ahead."""
+        for motor in self.motors:
+            motor.pull_m_s2 = GRAVITY_M_S2 * math.sin(math.atan(slope))
 
     def start(self, now_ns: int) -> None:
         """Begin at ``now_ns``."""

@@ -32,7 +32,7 @@ class LoopSettings(msgspec.Struct, frozen=True, kw_only=True):
             zero, and the board measures nothing.
         dead_zone: PWM units added to the loop's output.
         most_output: Where the loop's output is limited, before that.
-        frozen: The loop does not run, outputs stay.
+        frozen: Nothing is counted or regulated, outputs stay.
         inverted: Outputs go out with the other sign, as for motors of another type.
         counts_inverted: Counts come in with the other sign, as of motors of another type.
         zero_releases: Target 0 switches the output off instead of regulating.
@@ -111,6 +111,11 @@ class MotorControl:
         self.deltas = (0, 0, 0, 0)
         self._seen = self._renewed = None
 
+    def count_from_now(self, now_ns: int) -> None:
+        """Start the encoders' timers, not at the next interrupt but at once."""
+        self._plant.advance(now_ns)
+        self._seen = self._renewed = self._plant.ticks
+
     def release(self) -> None:
         """Outputs off, no regulation."""
         self._regulates = False
@@ -136,31 +141,33 @@ class MotorControl:
     def tick(self, now_ns: int, tuning: LoopSettings) -> None:
         """One interrupt: read the encoders, then regulate."""
         self._plant.advance(now_ns)
+        if tuning.frozen:
+            return
         ticks = self._plant.ticks
         seen = ticks if self._seen is None else self._seen
         way = -1 if tuning.counts_inverted else 1
-        a, b, c, d = (way * (new - old) for new, old in zip(ticks, seen, strict=True))
+        # The encoders' timers have 16 bits.
+        a, b, c, d = (way * _signed(new - old, 16) for new, old in zip(ticks, seen, strict=True))
         self._seen = ticks
         self.deltas = (a, b, c, d)
-        if self._regulates and not tuning.frozen:
+        if self._regulates:
             self._plant.set_outputs(tuple(self._outputs(tuning)))
 
     def renew_totals(self, now_ns: int, tuning: LoopSettings) -> None:
         """Bring the totals up to what the encoders have counted by now."""
         self._plant.advance(now_ns)
+        if tuning.frozen:
+            return
         ticks = self._plant.ticks
         before = ticks if self._renewed is None else self._renewed
         self._renewed = ticks
         if ticks != before:
             way = -1 if tuning.counts_inverted else 1
-            a, b, c, d = (way * (new - old) for new, old in zip(ticks, before, strict=True))
-            first, second, third, fourth = self.totals
-            self.totals = (
-                _int32(first + a),
-                _int32(second + b),
-                _int32(third + c),
-                _int32(fourth + d),
+            a, b, c, d = (
+                _signed(total + way * _signed(new - old, 16), 32)
+                for total, new, old in zip(self.totals, ticks, before, strict=True)
             )
+            self.totals = (a, b, c, d)
 
     def speeds_mm_s(self, tuning: LoopSettings) -> tuple[float, ...]:
         """Rim speeds over the latest 10 ms, as the board believes."""
@@ -183,5 +190,7 @@ class MotorControl:
             loop.reset()
 
 
-def _int32(value: int) -> int:
-    return (value + 0x8000_0000) % 0x1_0000_0000 - 0x8000_0000
+def _signed(value: int, bits: int) -> int:
+    """A whole number as so many bits hold it."""
+    half = 1 << (bits - 1)
+    return (value + half) % (2 * half) - half

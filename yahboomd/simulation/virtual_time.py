@@ -14,6 +14,7 @@ import selectors
 from collections.abc import Callable, Coroutine, Mapping
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
+from yahboomd.core.clock import Alarm, LoopAlarm
 from yahboomd.core.model import NS_PER_S
 
 if TYPE_CHECKING:
@@ -120,3 +121,31 @@ def on_virtual_time(test: Callable[P, Coroutine[Any, Any, T]]) -> Callable[P, T]
         return run(test(*args, **kwargs))
 
     return wrapper
+
+
+class LoopClock:
+    """The running event loop's own time, which a virtual-time loop controls.
+
+    Wall time runs beside it from ``epoch_ns``, so that samples carry plausible stamps.
+    """
+
+    def __init__(self, epoch_ns: int = 1_700_000_000 * NS_PER_S) -> None:
+        self._epoch_ns = epoch_ns
+        self.slept_ns = 0
+        """The time a suspended machine slept, as a test pretends."""
+
+    def now_ns(self) -> int:
+        """The loop's time."""
+        return round(asyncio.get_running_loop().time() * NS_PER_S)
+
+    def wall_ns(self) -> int:
+        """The epoch plus the loop's time."""
+        return self._epoch_ns + self.now_ns()
+
+    def suspended_ns(self) -> int:
+        """The time a suspended machine slept, as a test pretends."""
+        return self.slept_ns
+
+    def alarm(self, callback: Callable[[], None]) -> Alarm:
+        """An alarm on the loop's own timers."""
+        return LoopAlarm(callback)

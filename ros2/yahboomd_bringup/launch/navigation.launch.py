@@ -6,8 +6,8 @@ from ament_index_python.packages import get_package_share_directory
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
 from launch.launch_description_sources import PythonLaunchDescriptionSource
-from yahboomd_bringup.arguments import named_robot, shared_arguments, text
-from yahboomd_bringup.parameters import merged, packaged, written
+from yahboomd_bringup.arguments import in_namespace, named_robot, shared_arguments, text
+from yahboomd_bringup.parameters import merged, namespaced, packaged, written
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -35,14 +35,14 @@ def _start(context):
         for costmap in ("local_costmap", "global_costmap"):
             tree[costmap][costmap]["ros__parameters"]["robot_radius"] = float(given)
     shared = {
-        "params_file": written(tree, "nav2"),
+        "params_file": written(namespaced(tree, robot.namespace), "nav2"),
         "use_sim_time": "false",
         "namespace": robot.namespace,
     }
     parts = [_part("navigation_launch.py", shared)]
     if given := text(context, "map"):
         parts.append(_part("localization_launch.py", {**shared, "map": given}))
-    return parts
+    return [in_namespace(robot, parts)]
 
 
 def _part(name: str, arguments: dict) -> IncludeLaunchDescription:

@@ -3,9 +3,10 @@
 from functools import lru_cache
 from typing import List
 
-from launch import LaunchContext
-from launch.actions import DeclareLaunchArgument
+from launch import Action, LaunchContext
+from launch.actions import DeclareLaunchArgument, GroupAction
 from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import PushRosNamespace, SetRemap
 
 from yahboomd_bringup.robot import Robot
 
@@ -38,6 +39,13 @@ def is_true(context: LaunchContext, name: str) -> bool:
 def named_robot(context: LaunchContext) -> Robot:
     """The robot that the arguments name; its configuration is asked for once."""
     return _robot(*(text(context, name) for name in ("config", "yahboomd", "distro")))
+
+
+def in_namespace(robot: Robot, parts: List[Action]) -> GroupAction:
+    """The launch files of others in the robot's namespace, with transforms of its own."""
+    own = [PushRosNamespace(robot.namespace)] if robot.namespace else []
+    remaps = [SetRemap("/tf", "tf"), SetRemap("/tf_static", "tf_static")]
+    return GroupAction([*own, *remaps, *parts])
 
 
 @lru_cache(maxsize=None)

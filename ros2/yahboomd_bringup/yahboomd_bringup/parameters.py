@@ -19,6 +19,20 @@ def merged(own: Tree, over: Tree) -> Tree:
     return found
 
 
+def namespaced(own: Tree, namespace: str) -> Tree:
+    """A new tree whose absolute topics are below a namespace: ``/scan`` is ``/bot1/scan``."""
+    if not namespace:
+        return own
+
+    found = dict(own)
+    for key, value in own.items():
+        if isinstance(value, dict):
+            found[key] = namespaced(value, namespace)
+        elif key.endswith("topic") and str(value).startswith("/"):
+            found[key] = f"/{namespace}{value}"
+    return found
+
+
 def packaged(package: str, *path: str) -> Tree:
     """A parameter file that an installed package comes with."""
     from ament_index_python.packages import get_package_share_directory

@@ -9,13 +9,12 @@ from pathlib import Path
 import pytest
 from robot_bench import RobotBench
 
-from yahboomd.core.clock import LoopClock
 from yahboomd.core.daemon.estop.stop_reports import WITHIN_S, StopReports
 from yahboomd.core.model import Event
 from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.simulation.motors import MotorFaults
 from yahboomd.simulation.options import SimulationOptions
-from yahboomd.simulation.virtual_time import VirtualTimeLoop, on_virtual_time
+from yahboomd.simulation.virtual_time import LoopClock, VirtualTimeLoop, on_virtual_time
 
 AFTER_MS = range(0, 40, 5)
 """From a command to the stop: the line is free, or waits for the distance between two frames."""

@@ -10,7 +10,6 @@ import msgspec
 import pytest
 from ros_oracle import Oracle
 
-from yahboomd.core.clock import LoopClock
 from yahboomd.core.daemon.ros2_graphs.ros2_samples import Placed, RosPublisher, Spread, Topics
 from yahboomd.core.messages import ros2
 from yahboomd.core.messages.native import StatusSample
@@ -25,7 +24,7 @@ from yahboomd.core.model import (
     Severity,
     Twist2d,
 )
-from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 
 STAMP_NS = 1_700_000_000_123_456_789
 STAMP = {"sec": 1_700_000_000, "nanosec": 123_456_789}

@@ -28,7 +28,8 @@ def test_whole_numbers_read_as_in_c(text: bytes, number: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "number"), [(b"67.5", 67.5), (b".5", 0.5), (b"", 0.0), (b"-1e3", -1.0)]
+    ("text", "number"),
+    [(b"67.5", 67.5), (b".5", 0.5), (b"", 0.0), (b"-1e3", -1000.0), (b"1e", 1.0)],
 )
 def test_decimal_numbers_read_as_in_c(text: bytes, number: float) -> None:
     assert decimal(text) == number

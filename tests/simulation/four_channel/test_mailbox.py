@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -69,6 +70,15 @@ def test_the_newest_of_two_waiting_frames_wins() -> None:
     mailbox = Mailbox()
     feed(mailbox, b"$first#$second#")
     assert mailbox.take() == b"second"
+
+
+@pytest.mark.parametrize("ends_long", [False, True])
+def test_of_a_frame_and_one_that_is_too_long_the_later_one_counts(ends_long: bool) -> None:
+    mailbox = Mailbox()
+    frames = [b"$first#", b"$" + b"x" * (LONGEST_FRAME + 1)]
+    for frame in frames if ends_long else reversed(frames):
+        feed(mailbox, frame)
+    assert (mailbox.ready, mailbox.too_long) == (not ends_long, ends_long)
 
 
 def test_a_frame_that_ends_before_the_wipe_is_found_empty() -> None:

@@ -12,6 +12,7 @@ from yahboomd.simulation.motors import FAULTS
 
 NOT_FOUND = b"fail,Command not found!\r\n"
 BANNER = b"Motor_Version:1.7.3\r\n"
+RESET = b"\r\nReset MCU\r" + BANNER
 RESYNC = b"\n" * 64
 
 MakeBench = Callable[..., Any]
@@ -35,7 +36,9 @@ def test_motor_and_stream_commands_are_not_answered(bench: MakeBench, command: b
     assert bench().send(command, 0.5) == b""
 
 
-@pytest.mark.parametrize("command", [b"$read#", b"$speed:1,1,1,1#", b"$#", b"$spd#", b"$nonsense#"])
+@pytest.mark.parametrize(
+    "command", [b"$read#", b"$speed:1,1,1,1#", b"$#", b"$Spd:1#", b"$nonsense#"]
+)
 def test_unknown_commands_are_answered_and_nothing_moves(bench: MakeBench, command: bytes) -> None:
     desk = bench()
     assert desk.send(command, 0.5) == NOT_FOUND
@@ -74,11 +77,11 @@ def test_the_newest_of_two_frames_wins_while_a_line_goes_out(bench: MakeBench) -
     assert desk.speeds() == [0.0, 0.0]
 
 
-def test_commands_20_ms_apart_are_all_carried_out_with_every_stream_on(bench: MakeBench) -> None:
-    desk = bench(drive="skid_steer", initial_ticks=(-12345678,) * 4)
+def test_commands_25_ms_apart_are_all_carried_out_with_every_stream_on(bench: MakeBench) -> None:
+    desk = bench(drive="skid_steer", initial_ticks=(-1234567,) * 4)
     desk.send(b"$upload:1,1,1#", 0.1)
     desk.send(b"$spd:-999,-999,-999,-999#", 1.0)
-    answers = b"".join(desk.send(b"$read_vol#", 0.0209) for _ in range(200))
+    answers = b"".join(desk.send(b"$read_vol#", 0.0259) for _ in range(200))
     answers += desk.run(0.1)
     assert answers.count(b"$Battery") == 200
     assert NOT_FOUND not in answers
@@ -96,7 +99,7 @@ def test_commands_10_ms_apart_suffice_with_totals_alone(bench: MakeBench) -> Non
 
 
 def test_commands_10_ms_apart_get_lost_with_every_stream_on(bench: MakeBench) -> None:
-    desk = bench(drive="skid_steer", initial_ticks=(-12345678,) * 4)
+    desk = bench(drive="skid_steer", initial_ticks=(-1234567,) * 4)
     desk.send(b"$upload:1,1,1#", 0.1)
     carried_out = set()
     for number in range(1000, 1400):
@@ -117,7 +120,7 @@ def test_a_command_acts_soon_after_its_last_byte(bench: MakeBench) -> None:
     last_byte_ns = desk.now_ns + 13 * 86_806
     while not desk.robot.plant.motors[1].pwm:
         desk.run(0.0001)
-    assert 400_000 <= desk.now_ns - last_byte_ns <= 500_000
+    assert 30_000 <= desk.now_ns - last_byte_ns <= 130_000
 
 
 def test_64_newlines_make_the_next_command_safe(bench: MakeBench) -> None:
@@ -185,7 +188,7 @@ def test_speed_zero_does_not_stop_a_wheel_without_encoder_and_output_zero_does(
     desk.send(b"$spd:100,0,100,0#", 3.0)
     desk.send(b"$spd:0,0,0,0#", 3.0)
     left, right = desk.speeds()
-    assert left > 1.1
+    assert left > 0.9
     assert right == 0.0
     desk.send(b"$pwm:0,0,0,0#", 3.0)
     assert desk.speeds() == [0.0, 0.0]
@@ -235,25 +238,31 @@ def test_a_changed_gain_resets_the_board_without_an_answer(bench: MakeBench) -> 
     desk = bench()
     desk.send(b"$pwm:3000,0,3000,0#", 0.5)
     answer = desk.send(b"$MPID:0.9,0.06,0.5#", 0.6)
-    assert answer == b"Reset MCU" + BANNER
+    assert answer == RESET
     assert board_of(desk).flash == FlashContent(p=0.9)
     assert [motor.pwm for motor in desk.robot.plant.motors] == [0, 0]
 
 
-def test_power_that_fails_within_a_write_leaves_erased_values(bench: MakeBench) -> None:
+def test_power_that_fails_within_a_write_leaves_erased_values_or_those_it_is_sold_with(
+    bench: MakeBench,
+) -> None:
     left = set()
-    for seed in range(30):
-        desk = bench(seed=seed)
+    for seed in range(40):
+        desk = bench(seed=seed, flash=FlashContent(dead_zone=1700))
         board_of(desk).cut_writes = 1
         assert desk.send(b"$mline:13#", 0.3) == BANNER
         shown = desk.send(b"$read_flash#", 0.1)
-        assert b"D:nan" in shown
-        assert (b"Pulse_Line:13" in shown) != (b"Pulse_Line:-1" in shown)
-        left.add(shown.count(b"-1") + shown.count(b"nan"))
+        erased = shown.count(b"65535") + shown.count(b":255") + shown.count(b"-680564693277")
+        if not erased:
+            assert board_of(desk).flash == FlashContent()
+        else:
+            assert (b"Pulse_Line:13" in shown) == (erased <= 5)
+            assert b"Dead_Zone:1600" not in shown
+        left.add(erased)
         assert desk.send(b"$spd:200,0,200,0#", 0.5) == b""
-        assert desk.send(b"$mline:11#", 0.3) == b"Set mline:OK!\r\n"
-        assert board_of(desk).flash.lines == 11
-    assert left == set(range(1, 9))
+        assert desk.send(b"$mline:12#", 0.3) == b"Set mline:OK!\r\n"
+        assert board_of(desk).flash.lines == 12
+    assert left == set(range(9))
 
 
 def test_the_same_gains_are_confirmed_without_a_reset(bench: MakeBench) -> None:
@@ -262,7 +271,7 @@ def test_the_same_gains_are_confirmed_without_a_reset(bench: MakeBench) -> None:
 
 def test_a_factory_reset_answers_then_resets(bench: MakeBench) -> None:
     desk = bench(flash=FlashContent(lines=0))
-    assert desk.send(b"$flash_reset#", 1.5) == b"falsh_reset:OK!\r\nReset MCU" + BANNER
+    assert desk.send(b"$flash_reset#", 1.5) == b"falsh_reset:OK!\r\n" + RESET
     assert board_of(desk).flash == FlashContent()
 
 
@@ -353,18 +362,18 @@ def test_a_reset_in_motion_zeroes_counters_and_streams_and_lets_the_wheels_coast
     desk.send(b"$spd:500,0,500,0#", 1.0)
     desk.robot.reset(desk.now_ns)
     said = desk.run(0.08)
-    assert b"Reset MCU" + BANNER in said
+    assert RESET in said
     assert min(desk.speeds()) > 0.1
     assert desk.run(0.1) == b""
     desk.send(b"$upload:1,0,0#", 2.0)
-    assert 0 < desk.totals()[-1][0] < 300
+    assert 0 < desk.totals()[-1][0] < 400
     assert desk.speeds() == [0.0, 0.0]
 
 
 def test_power_brings_the_banner_alone(bench: MakeBench) -> None:
     desk = bench()
     desk.robot.brown_out(desk.now_ns, 0.2)
-    assert desk.run(0.25) == b""
+    assert desk.run(0.2) == b""
     assert desk.run(0.1) == BANNER
 
 
@@ -374,7 +383,7 @@ def test_a_reset_cuts_the_line_that_is_going_out(bench: MakeBench) -> None:
     desk.robot.reset(desk.now_ns)
     desk.run(0.2)
     text = b"".join(chunk for _, chunk in desk.chunks)
-    head, _, _ = text.partition(b"Reset MCU")
+    head, _, _ = text.partition(RESET[:5])
     assert not head.endswith(b"\r\n")
 
 

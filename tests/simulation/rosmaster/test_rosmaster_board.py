@@ -272,7 +272,7 @@ def test_a_latched_board_shows_the_voltage_of_its_alarm_and_coasts_between_two_b
     for _ in range(2_400):
         desk.run(1)
         pwm = desk.robot.plant.motors[0].pwm
-        if desk.robot.board._latched and (not seen or pwm != seen[-1]):  # type: ignore[attr-defined]
+        if desk.robot.board._alarm.latched and (not seen or pwm != seen[-1]):  # type: ignore[attr-defined]
             seen.append(pwm)
     assert seen == [1, 0, 1]
     desk.robot.plant.battery_volts = 11.0
@@ -282,9 +282,9 @@ def test_a_latched_board_shows_the_voltage_of_its_alarm_and_coasts_between_two_b
     assert speed[6] in {87, 88, 89}
     # A car type resets it.
     desk.write(frame(0x15, 1, 0), 40)
-    assert desk.robot.board._latched  # type: ignore[attr-defined]
+    assert desk.robot.board._alarm.latched  # type: ignore[attr-defined]
     desk.run(30)
-    assert not desk.robot.board._latched  # type: ignore[attr-defined]
+    assert not desk.robot.board._alarm.latched  # type: ignore[attr-defined]
 
 
 def test_after_a_start_it_reports_no_voltage_until_it_has_measured_one() -> None:

@@ -24,6 +24,7 @@ def test_every_key_that_the_daemon_publishes_or_takes_commands_on_is_recorded() 
         "cmd_vel",
         "cmd_vel/teleop",
         "cmd_vel/web",
+        "cmd_vel/moves",
         "yahboomd/estop",
     }
 

@@ -10,11 +10,10 @@ from replay_captures import FOLDER, HEADINGS
 from wire_records import DevicePort, WireBench, drive_about
 
 from yahboomd.core.blackbox.box_file import read_box
-from yahboomd.core.clock import LoopClock
 from yahboomd.core.link.session import Session, SessionOptions
 from yahboomd.core.model import EncoderReading
 from yahboomd.core.protocol.registry import DIALECTS
-from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 from yahboomd.tools.replay.recorded_wire import Piece, Poll, WireRecord, connections
 from yahboomd.tools.replay.replayed_board import LAST_WORDS_NS, UNPLUGGED_NS, ReplayedBoard
 from yahboomd.tools.replay.replayed_poses import PoseReplay

@@ -137,8 +137,7 @@ def test_frames_and_topics_are_the_configurations() -> None:
     )
     for tree in (nav2(ours), slam_toolbox(ours), robot_localization(ours)):
         frames = {value for name, value in leaves(tree) if "frame" in name.rpartition(".")[2]}
-        frames -= {"map"}
-        assert frames == {"bot1/wheel_odom", "bot1/chassis"}
+        assert frames == {"bot1/map", "bot1/wheel_odom", "bot1/chassis"}
     assert of(nav2(ours), "bt_navigator")["odom_topic"] == "wheel/odom"
     assert of(robot_localization(ours), "ekf_filter_node")["odom0"] == "wheel/odom"
 

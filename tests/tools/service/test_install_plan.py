@@ -28,6 +28,7 @@ def test_on_an_empty_system_everything_is_new(tmp_path: Path) -> None:
         "yahboomd.service": "new",
         "yahboomd@.service": "new",
         "yahboomd-metrics.service": "new",
+        "yahboomd-moves.service": "new",
         "yahboomd-web.service": "new",
         "95-yahboomd.rules": "new",
         "yahboomd.conf": "new",

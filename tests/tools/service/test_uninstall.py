@@ -53,7 +53,12 @@ def test_services_are_stopped_while_their_units_are_known(system: System, ran: l
     wants.mkdir()
     (wants / "yahboomd@front.service").symlink_to("/dev/null")
     uninstall(system)
-    units = "yahboomd.service yahboomd@front.service yahboomd-metrics.service yahboomd-web.service"
+    names = (
+        "yahboomd",
+        "yahboomd@front",
+        *(f"yahboomd-{each}" for each in ("metrics", "moves", "web")),
+    )
+    units = " ".join(f"{name}.service" for name in names)
     assert ran[0] == f"systemctl disable --now {units}"
     assert "systemctl daemon-reload" in ran[1:]
 

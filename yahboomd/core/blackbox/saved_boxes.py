@@ -16,7 +16,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
 
-from yahboomd.core.blackbox.box_file import INFLATED_MOST, NotABox
 from yahboomd.core.model import NS_PER_S
 
 FILES_MOST = 20
@@ -68,23 +67,6 @@ def saved_boxes(folder: Path) -> list[SavedBox]:
                 number = int(match["number"])
                 found.append(SavedBox(number, path, status.st_size, status.st_mtime_ns))
     return sorted(found)
-
-
-def box_bytes(path: Path) -> bytes:
-    """The bytes of a ring or a saved box.
-
-    Raises:
-        OSError: The file cannot be read.
-        NotABox: It is larger than any box.
-    """
-    # A pipe without a writer would be waited for.
-    with os.fdopen(os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK), "rb") as file:
-        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-            raise NotABox("This is no black box of yahboomd, and no file.")
-        data = file.read(INFLATED_MOST + 1)
-    if len(data) > INFLATED_MOST:
-        raise NotABox("This is no black box of yahboomd: it is larger than any.")
-    return data
 
 
 def save_box(folder: Path, data: bytes, *, reason: str, wall_ns: int, robot: str = "") -> Path:

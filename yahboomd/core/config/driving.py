@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from yahboomd.core.config.values import AbsolutePath, Over, Positive, Section, SourceKey, key
 from yahboomd.core.drive import limiter as drive
+from yahboomd.core.drive.rest import AtRest
 
 
 class AxisLimits(Section):
@@ -107,15 +108,18 @@ class Command(Section):
         "source's own clock, which need not agree with this machine's; absolute: by this "
         "machine's clock; ignore: every command counts as new.",
     )
-    at_rest: Literal["hold", "release"] = key(
-        default="hold",
-        description="Once the wheels stand: hold them, or let them go.",
+    at_rest: AtRest = key(
+        default="auto",
+        description="Once the wheels stand. auto: let them go after 2 s, and hold them until the "
+        "next drive if one rolls by 5 mm; hold: the board holds them, and goes on feeding the "
+        "motors; release: let them go at once, and let them roll.",
     )
     sources: dict[SourceKey, Source] = key(
         default={
             "cmd_vel": Source(priority=10),
             "cmd_vel/teleop": Source(priority=100, timeout_s=0.3),
             "cmd_vel/web": Source(priority=50, timeout_s=0.3),
+            "cmd_vel/moves": Source(priority=5, timeout_s=0.3),
         },
         description="The keys, below the namespace, on which velocity commands arrive. Given in "
         "a file, they replace the default ones.",

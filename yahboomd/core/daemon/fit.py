@@ -8,6 +8,7 @@ import msgspec
 
 from yahboomd.core.drive.faults import Fault
 from yahboomd.core.drive.limiter import AxisCaps
+from yahboomd.core.drive.rest import AtRest
 from yahboomd.core.errors import BoardError
 from yahboomd.core.link.handshake import Identity
 from yahboomd.core.model import Kinematics, Motor
@@ -27,7 +28,7 @@ class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
         command_scale: Multiplier on command units.
         linear: Limits of vx and vy.
         angular: Limits of wz.
-        at_rest: Hold the wheels once they stand, or let them go.
+        at_rest: What becomes of wheels that stand.
         stall: What follows from a wheel that stands against its command.
         turns_without_command: What follows from a wheel that turns by itself.
         min_speed_m_s: Commands below it prove nothing about counts that stay away.
@@ -44,7 +45,7 @@ class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
     command_scale: float = 1.0
     linear: AxisCaps = AxisCaps()
     angular: AxisCaps = AxisCaps()
-    at_rest: Literal["hold", "release"] = "hold"
+    at_rest: AtRest = "auto"
     stall: Literal["stop", "report"] = "stop"
     turns_without_command: Literal["stop", "report"] = "report"
     min_speed_m_s: float = 0.08

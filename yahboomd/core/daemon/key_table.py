@@ -80,8 +80,7 @@ OUTPUTS: dict[str, Output] = {
     keys.EVENTS: Output(message=EventSample, when="as they happen"),
 }
 """The native samples, by key. A query on :data:`~yahboomd.core.bus.keys.SAMPLES` is answered with
-the
-newest sample."""
+the newest sample."""
 
 COMMAND = Input(
     messages=(VelocityCommand, RosVelocityCommand),

@@ -8,12 +8,13 @@ go where they do not obey.
 from __future__ import annotations
 
 from collections import Counter
-from typing import Literal, Protocol
+from typing import Protocol
 
 from yahboomd.core.clock import nanoseconds
 from yahboomd.core.daemon.fit import BoardFit, no_board
 from yahboomd.core.drive.faults import Fault
 from yahboomd.core.drive.kinematics import motor_speeds
+from yahboomd.core.drive.rest import AtRest, Rest
 from yahboomd.core.drive.standing import turning
 from yahboomd.core.drive.stop_watch import StopWatch
 from yahboomd.core.drive.wheels_check import WheelsCheck
@@ -40,8 +41,6 @@ JUDGED_NS = 15_000_000
 """Wheels are judged no more often, by what they counted since: a board that streams reports more
 often than a wheel can show anything new."""
 
-AtRest = Literal["hold", "release"]
-
 
 class WheelLink(Protocol):
     """The part of a session that commands the wheels."""
@@ -57,6 +56,10 @@ class WheelLink(Protocol):
 
     def release(self) -> None:
         """Send the release of the motors until a speed replaces it."""
+
+    @property
+    def cuts(self) -> bool:
+        """Whether it can release the motors; else it brakes instead."""
 
     @property
     def stop_sent(self) -> bool:
@@ -82,7 +85,7 @@ class Wheels:
 
     Args:
         motors: The motors, in the order of its wheels.
-        at_rest: Hold the wheels once they stand, or let them go.
+        at_rest: What becomes of wheels that stand.
         min_speed_m_s: Commands below it prove nothing about counts that stay away.
     """
 
@@ -98,13 +101,12 @@ class Wheels:
         names = tuple(motor.name for motor in motors)
         self._kinematics = kinematics
         self._motors = motors
-        self._at_rest = at_rest
         self._counters = counters
+        metres_per_tick = [motor.metres_per_tick for motor in motors]
         self._check = WheelsCheck(
-            names,
-            min_speed_m_s=min_speed_m_s,
-            metres_per_tick=[motor.metres_per_tick for motor in motors],
+            names, min_speed_m_s=min_speed_m_s, metres_per_tick=metres_per_tick
         )
+        self._rest = Rest(at_rest, names, metres_per_tick)
         self._stop_watch = StopWatch(names)
         self._board: WheelLink | None = None
         self._released = False
@@ -127,6 +129,7 @@ class Wheels:
         self._board = board
         self.fit = fit
         self._released = False
+        self._rest.drive()
         self._stop_watch.cancel()
         self._check.reset()
 
@@ -154,13 +157,12 @@ class Wheels:
     def attached(self) -> bool:
         return self._board is not None
 
-    # Commands.
-
     def turn(self, speeds: tuple[float, ...]) -> None:
         """Turn: rim speed of each wheel of the geometry, m/s."""
         self._stop_watch.cancel()
         self._stop_due_ns = None
         self._released = False
+        self._rest.drive()
         self._say(speeds)
 
     def stand(self, now_ns: int, *, at_once: bool) -> Fault | None:
@@ -201,13 +203,17 @@ class Wheels:
         fault = watch.check(now_ns, noisy=doubtful)
         if fault is not None or (due and watch.state == "overdue"):
             self.cut(now_ns)
-            self._counters["slow_stops"] += fault is None
+            if fault is None:
+                self._counters["slow_stops"] += 1
+                self._rest.let_go(max(map(abs, self.measured_m_s or (0.0,))))
         elif not self._released:
             # Of a wheel that never counted for its commands the counters prove no standstill, and
             # the board's speed loop would keep it as fast as it is.
-            let_go = self._at_rest == "release" or self._check.owing
-            if let_go and watch.state == "stopped":
+            owing, stood = self._check.owing, self._rest.lets_go and board.cuts
+            if watch.state == "stopped" and (owing or stood):
                 self.release(now_ns)
+                if not owing:
+                    self._rest.let_go()
             else:
                 self._say((0.0,) * len(self._kinematics.wheels))
         return fault
@@ -215,11 +221,15 @@ class Wheels:
     def stop_again(self, now_ns: int) -> None:
         """Send the next stop at once, and begin to watch for standstill again."""
         self._stop_due_ns = now_ns
+        if self._rest.free:
+            self._released = False
+            self._rest.drive()
         if self._stop_watch.state != "stopping":
             self._stop_watch.cancel()
 
     def release(self, now_ns: int) -> None:
         self._released = True
+        self._rest.free = False
         self.command_m_s = self.zeros
         self._check.command(now_ns, None)
         if self._board is not None:
@@ -261,8 +271,6 @@ class Wheels:
         if self._stop_watch.state == "stopping":
             self._stop_due_ns = now_ns
 
-    # What they do.
-
     def measure(
         self,
         stamp_ns: int,
@@ -294,6 +302,11 @@ class Wheels:
         if received_ns is not None and received_ns - asked_ns > LATE_NS and not self.noisy:
             self._held_up_ns = received_ns + SAID_AGAIN_NS
         self._stop_watch.measure(stamp_ns, speeds_m_s)
+        if (rolled := self._rest.measure(stamp_ns, ticks, stand=self.stopped)) is not None:
+            self._released = False
+            self._stop_watch.restart(stamp_ns)
+            self._say((0.0,) * len(self._kinematics.wheels))
+            return (rolled,)
         if 0 < stamp_ns - self._judged_ns < JUDGED_NS:
             return ()
         self._judged_ns, self._ticks = stamp_ns, ticks

@@ -19,6 +19,7 @@ FaultKind: TypeAlias = Literal[
     "no_counts",
     "off_speed",
     "stop_not_obeyed",
+    "rolled",
 ]
 Action: TypeAlias = Literal["cut", "policy", "report"]
 

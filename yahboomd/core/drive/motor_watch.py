@@ -19,7 +19,7 @@ from yahboomd.core.drive.standing import STANDING_M_S
 from yahboomd.core.model import NS_PER_S
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from yahboomd.core.drive.faults import Action, FaultKind
 
@@ -41,6 +41,10 @@ NO_COUNTS_M = 0.03
 # A wheel that rolled the other way before takes twice as long to start, because the output of the
 # board's loop starts at the far edge of the motor's dead zone.
 TURNING_ROUND = 2
+# Where no wheel counts, or each was slow to, the motors may be stiffer than the stored dead zone,
+# and the loop has to add up the rest: 49 mm at 0.06 m/s for one that turns at 54 % of the output.
+SLOW_M = 0.02
+SLOW_START_M = 0.063
 # Below the least speed a healthy motor may take its time: the board's loop adds up the owed way
 # until the wheel breaks loose. With the default gains that takes 15 mm, and up to twice as much if
 # the wheel sticks after a jerk. A wheel without counts grows faster with every millimetre, so it is
@@ -49,6 +53,8 @@ CRAWL_NO_COUNTS = ((500_000_000, 0.045), (1_750_000_000, 0.025))
 # Back and forth it may never break loose, but a wheel without counts runs at every turn, so it is
 # bounded by twice the way in all.
 TO_AND_FRO = 2
+# A wheel that rolls and is held again gains speed until the board's loop outweighs the slope.
+PULLED_M_S = 0.5
 COUNTED_NS = 20_000_000
 # While the line stands still in both directions, a wheel shows and obeys nothing. The time is
 # limited, so that a stuttering line does not hide a dead encoder.
@@ -73,6 +79,7 @@ class MotorWatch:
 
     Attributes:
         owed_m: The commanded travel since its last counts; metres of the rim.
+        start_m: What it owed when it began to count after standing; ``None`` while it did not.
     """
 
     def __init__(
@@ -88,6 +95,8 @@ class MotorWatch:
         self._latency_ns = latency_ns
         self._commanded: float | None = None
         self._past: deque[tuple[int, float]] = deque()
+        self._let_go = False
+        self.start_m: float | None = None
         self.begin(0.0)
 
     def begin(self, measured_m_s: float) -> None:
@@ -112,15 +121,21 @@ class MotorWatch:
         if speed_m_s == self._commanded:
             return
         self._rests = False
+        if not self._commanded:
+            self.start_m = None
         if self._commanded is None and speed_m_s is not None:
             # The wheel coasted, so it starts from any speed up to the latest measured.
             self._commanded = speed_m_s
             self.begin(self._measured)
+            if self._let_go and not speed_m_s:
+                self._high += PULLED_M_S
+                self._low -= PULLED_M_S
             self._past.append((now_ns, 0.0))
             return
         if self._commanded is not None:
             self._past.append((now_ns, self._commanded))
             self._forget(now_ns - GAP_NS)
+            self._let_go = speed_m_s is None
         self._commanded = speed_m_s
 
     def measure(
@@ -132,6 +147,7 @@ class MotorWatch:
         proven: float,
         *,
         held_up: bool,
+        others: Sequence[MotorWatch] = (),
     ) -> list[Fault]:
         """Judge a reading.
 
@@ -142,6 +158,8 @@ class MotorWatch:
             ticks: The counts in between.
             proven: The least that the speed can be; no wheel is cut for more.
             held_up: The line was held up, so the command may not have arrived.
+            others: The motors that start with it. Where none of them counts either, or each was
+                slow to, the board's loop is slow to start, and not this wheel without counts.
 
         Returns:
             The troubles that began with this reading.
@@ -160,7 +178,7 @@ class MotorWatch:
         found = (
             self._runaway(now_ns, proven),
             self._creeping(now_ns, speed),
-            self._silence(now_ns - before_ns, steady, ticks, held_up=held_up),
+            self._silence(now_ns - before_ns, steady, ticks, others, held_up=held_up),
             self._off_speed(now_ns, speed),
         )
         faults = [fault for fault in found if fault is not None]
@@ -177,6 +195,15 @@ class MotorWatch:
     def rests(self) -> bool:
         """Whether another reading without a count shows nothing new."""
         return self._rests or self._commanded is None
+
+    @property
+    def silent(self) -> bool:
+        """Whether it is accused of no counts, or about to be."""
+        return "no_counts" in self._known or (self.start_m is None and self.owed_m >= NO_COUNTS_M)
+
+    def accused(self) -> None:
+        """Its silence was reported with that of all."""
+        self._known.add("no_counts")
 
     def _lately(self) -> tuple[float, float]:
         """The smallest and the largest command that a present reading may still show."""
@@ -245,7 +272,15 @@ class MotorWatch:
         self._silent_ns = 0
         self._silent_m = 0.0
 
-    def _silence(self, step_ns: int, steady: float, ticks: int, *, held_up: bool) -> Fault | None:
+    def _silence(
+        self,
+        step_ns: int,
+        steady: float,
+        ticks: int,
+        others: Sequence[MotorWatch],
+        *,
+        held_up: bool,
+    ) -> Fault | None:
         if held_up and self._held_up_ns < HELD_UP_NS:
             self._held_up_ns += step_ns
             step_ns = 0
@@ -257,6 +292,8 @@ class MotorWatch:
         # must agree, because a garbled digit is no motion.
         if min(abs(self._owed_ticks), abs(self._owed_ticks_before)) >= COUNTS_OF_MOTION:
             self._rolled = self._owed_ticks
+            if self.start_m is None:
+                self.start_m = self.owed_m
             self._owe_nothing()
             self._known.discard("no_counts")
             if ticks:
@@ -266,11 +303,18 @@ class MotorWatch:
         else:
             self._silent_ns += step_ns
             self._silent_m += abs(steady) * step_ns / NS_PER_S
+        slow_start_m = 0.0
+        if self.start_m is None and others:
+            slow = [each.start_m is None or each.start_m >= SLOW_M for each in others]
+            slow_start_m = SLOW_START_M if all(slow) else 0.0
         times = TURNING_ROUND if self._rolled * steady < 0.0 else 1
-        proven = self._silent_ns >= times * NO_COUNTS_NS and self._silent_m >= times * NO_COUNTS_M
+        proven = self._silent_ns >= times * NO_COUNTS_NS and self._silent_m >= max(
+            times * NO_COUNTS_M, slow_start_m
+        )
         times = TURNING_ROUND if self._rolled * self._owed_signed_m < 0.0 else 1
         crawled = False
-        for least_ns, least_m in CRAWL_NO_COUNTS:
+        for least_ns, way_m in CRAWL_NO_COUNTS:
+            least_m = max(way_m, slow_start_m)
             one_way = (
                 self._owed_one_way_ns >= times * least_ns
                 and abs(self._owed_signed_m) >= times * least_m

@@ -69,10 +69,12 @@ class StopWatch:
         self._fastest = (0.0,) * len(self._motors)
 
     def restart(self, now_ns: int) -> None:
-        """Restart the deadline of a stop under way, because no reading came meanwhile."""
+        """Restart the deadline of a stop under way: no reading came, or it is sent once more."""
         if self.state == "stopping":
             self.state = "idle"
             self.begin(now_ns)
+        elif self.state == "overdue" and self._judged_ns is not None:
+            self._judge_later(now_ns)
 
     def cancel(self) -> None:
         """End the watch, because motion is commanded again."""

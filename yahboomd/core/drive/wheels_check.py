@@ -137,12 +137,20 @@ class WheelsCheck:
                 self._watches, measured_m_s, ticks, proven_m_s, strict=True
             )
             for fault in watch.measure(
-                before, stamp_ns, speed, count, slowest(speed, proven), held_up=held_up
+                before,
+                stamp_ns,
+                speed,
+                count,
+                slowest(speed, proven),
+                held_up=held_up,
+                others=[each for each in self._watches if each is not watch],
             )
         ]
         self._resting = all(watch.rests for watch in self._watches)
         silent = [fault for fault in faults if fault.kind == "no_counts"]
-        if len(silent) == len(self._watches) > 1:
+        if silent and len(self._watches) > 1 and all(watch.silent for watch in self._watches):
+            for watch in self._watches:
+                watch.accused()
             faults = [fault for fault in faults if fault.kind != "no_counts"]
             faults.append(msgspec.structs.replace(silent[0], motor=None, message=_ALL_SILENT))
         return tuple(faults)

@@ -105,6 +105,11 @@ class ConnectedBoard:
         self._velocity_units = None
         self._line.writer.velocity(self._dialect.cut or self._dialect.brake)
 
+    @property
+    def cuts(self) -> bool:
+        """Whether its dialect can release the motors."""
+        return self._dialect.cut is not None
+
     def rearm(self) -> None:
         """Send the board again what it loses at a reset, in case one went unnoticed."""
         self.counters["rearmed_unheard"] += 1

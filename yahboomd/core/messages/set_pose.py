@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Sequence
 
 import msgspec
 
@@ -57,17 +56,6 @@ def decode_pose(payload: bytes, frame_id: str) -> SetPoseRequest | str:
     except msgspec.ValidationError as error:
         return str(error)
     return covariance_problem(covariance) or request
-
-
-def pose_message(stamp_ns: int, frame_id: str, numbers: Sequence[float]) -> bytes:
-    """A geometry_msgs/msg/PoseWithCovarianceStamped. For clients and tests.
-
-    Args:
-        numbers: Position, quaternion, and 36 covariances.
-    """
-    frame = frame_id.encode()
-    pack = cdr.Layout().add("I", 4, 2).text(frame).add("d", 8, 43).packer()
-    return pack(cdr.HEADER_LE, *cdr.stamp(stamp_ns), len(frame) + 1, frame, *numbers)
 
 
 TOLERANCE = 1e-6

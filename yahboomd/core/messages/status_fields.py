@@ -135,6 +135,7 @@ _COMMAND = {
     "no_counts": "wheels whose encoder showed no motion although they were commanded to turn",
     "off_speed": "wheels that turned at another speed than commanded",
     "stop_not_obeyed": "stops that the wheels did not obey",
+    "rolled": "times that wheels which were let go at rest rolled, and were held again",
     "estops": "times that the e-stop was engaged, engaged already or not",
     "estops_unread": "of these, by something too long to be read",
     "release_refused": "releases of the e-stop that were refused, on either key",

@@ -37,6 +37,9 @@ ACROSS_PER_S = 4.0
 SHORT = 4.0
 """A base that stands so many tolerances from its end did not reach it."""
 
+KEEP_PER_S, KEEP_M_S = 4.0, 0.06
+"""How fast a base that turns comes back to its place."""
+
 BEND_S = 0.15
 """The time that the turning speed may take where one bend follows another."""
 
@@ -139,17 +142,20 @@ class MoveLeg:
 class TurnLeg(MoveLeg):
     """A turn in place.
 
+    One wheel may begin before the other: what the base drives ahead by that, it drives back.
+
     Args:
-        begin: The heading at its begin.
+        begin: The pose at its begin: the place to be kept.
         goal: The heading at its end, not wrapped.
     """
 
     def __init__(
-        self, limits: SpeedLimits, lag: LagModel, *, begin: float, goal: float, last: bool
+        self, limits: SpeedLimits, lag: LagModel, *, begin: Pose2d, goal: float, last: bool
     ) -> None:
         super().__init__(limits, lag, tolerance=TURN, axis=2, last=last)
+        self._begin = begin
         self._goal = goal
-        self._sign = math.copysign(1.0, goal - begin)
+        self._sign = math.copysign(1.0, goal - begin.theta)
 
     def left(self, pose: Pose2d) -> float:
         return self._sign * (self._goal - pose.theta)
@@ -157,8 +163,15 @@ class TurnLeg(MoveLeg):
     def _way(self, _ahead: float, _left: float, turned: float) -> float:
         return self._sign * turned
 
-    def _twist(self, speed: float, _predicted: Pose2d) -> Twist2d:
-        return Twist2d(wz=self._sign * speed) if speed else STANDSTILL
+    def _twist(self, speed: float, predicted: Pose2d) -> Twist2d:
+        if not speed:
+            return STANDSTILL
+        vx = 0.0
+        if not self._landed:
+            dx, dy = self._begin.x - predicted.x, self._begin.y - predicted.y
+            ahead, _ = in_base(dx, dy, predicted.theta)
+            vx = max(-KEEP_M_S, min(KEEP_M_S, KEEP_PER_S * ahead))
+        return Twist2d(vx=vx, wz=self._sign * speed)
 
 
 class CourseLeg(MoveLeg):

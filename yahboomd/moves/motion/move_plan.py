@@ -83,7 +83,7 @@ class PlannedLeg(msgspec.Struct, frozen=True, kw_only=True):
     def drive(self, lag: LagModel, *, last: bool) -> MoveLeg:
         """The control of it."""
         if self.course is None:
-            return TurnLeg(self.limits, lag, begin=self.begin.theta, goal=self.end.theta, last=last)
+            return TurnLeg(self.limits, lag, begin=self.begin, goal=self.end.theta, last=last)
         if self.headings:
             return FreeLeg(
                 self.limits,

@@ -20,6 +20,10 @@ JUMP_M = 0.1
 JUMP_RAD = 0.35
 """A step of the pose beyond what the command and this explain: it was set, or bridged."""
 
+SLIP_S = 0.6
+SLIP_RAD = 0.12
+SLIP_SHARE = 0.5
+
 
 class MoveWatch:
     """Watches one list of moves. All times are in monotonic nanoseconds."""
@@ -29,6 +33,7 @@ class MoveWatch:
         self._commanded = 0.0
         self._twist = Twist2d()
         self._variance: float | None = None
+        self._turns: list[tuple[int, float, float]] = []
 
     def command(self, twist: Twist2d) -> None:
         """The velocity that is commanded from now on."""
@@ -64,6 +69,24 @@ class MoveWatch:
         moved = math.hypot(pose.x - begin.x, pose.y - begin.y)
         moved += ARM_M * abs(pose.theta - begin.theta)
         return wanted > LEAST_WAY_M and moved < SHARE * wanted
+
+    def slips(self, wheels_rad_s: float, gyro_rad_s: float, now_ns: int) -> bool:
+        """Whether the wheels turn the base and the gyro does not; with every gyro sample.
+
+        Args:
+            wheels_rad_s: The turning speed by the counts.
+            gyro_rad_s: The same by the gyro, without its bias.
+        """
+        wheels = gyro = 0.0
+        if self._turns:
+            since_s = min(0.1, (now_ns - self._turns[-1][0]) / 1e9)
+            wheels = self._turns[-1][1] + wheels_rad_s * since_s
+            gyro = self._turns[-1][2] + gyro_rad_s * since_s
+        self._turns.append((now_ns, wheels, gyro))
+        while len(self._turns) > 1 and now_ns - self._turns[1][0] > SLIP_S * 1e9:
+            self._turns.pop(0)
+        by_wheels, by_gyro = wheels - self._turns[0][1], gyro - self._turns[0][2]
+        return abs(by_wheels) > SLIP_RAD and abs(by_wheels - by_gyro) > SLIP_SHARE * abs(by_wheels)
 
     def uncertain(self, covariance: Sequence[float], most_m: float) -> bool:
         """Whether the place became more uncertain than that since the moves began.

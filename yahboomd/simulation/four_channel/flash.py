@@ -1,13 +1,15 @@
 """The settings of the streamed board, as its firmware reads, stores and reports them.
 
-The firmware checks next to nothing: zeros are stored, decimals of whole numbers are cut, and an
-empty argument stores 0.
+The firmware checks next to nothing: zeros are stored, whole numbers are cut and wrap at 16 bits,
+and an empty argument stores 0.
 """
 
 from __future__ import annotations
 
 import math
 import re
+import struct
+from decimal import Decimal
 
 import msgspec
 
@@ -37,20 +39,27 @@ class FlashContent(msgspec.Struct, frozen=True, kw_only=True):
 
 LONGEST_DEAD_ZONE = 3600
 
+LOOP_LIMIT = 2000
+"""The most that the speed loop gives by itself, in PWM units: the dead zone comes on top."""
+
 _ERASED = FlashContent(
-    motor_type=-1,
-    dead_zone=-1,
-    lines=-1,
-    ratio=-1,
+    motor_type=0xFF,
+    dead_zone=0xFFFF,
+    lines=0xFFFF,
+    ratio=0xFFFF,
     wheel_diameter_mm=math.nan,
     p=math.nan,
     i=math.nan,
     d=math.nan,
 )
-"""Erased flash holds ones: -1 as a number of 16 bits, and no number as a decimal one."""
+"""Erased flash holds ones: the most that a whole number can be, and no number as a decimal one."""
 
-_WHOLE = re.compile(rb"\s*([+-]?\d{1,12})")
-_DECIMAL = re.compile(rb"\s*([+-]?(?:\d{1,12}(?:\.\d{0,9})?|\.\d{1,9}))")
+_NO_NUMBER = "-680564693277057680000000000000000000000.000"
+"""What the firmware prints for one that is none."""
+
+_WHOLE = re.compile(rb"\s*([+-]?\d+)")
+_DECIMAL = re.compile(rb"\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)")
+_SEPARATORS = re.compile(rb"[, ]+")
 
 
 def whole(text: bytes) -> int:
@@ -62,14 +71,29 @@ def whole(text: bytes) -> int:
 
 
 def decimal(text: bytes) -> float:
-    """C's ``atof``, without exponents."""
+    """C's ``atof``."""
     match = _DECIMAL.match(text)
-    return float(match[1]) if match else 0.0
+    # Adding 0 leaves no negative zero.
+    return float(match[1]) + 0.0 if match else 0.0
+
+
+def fields(args: bytes) -> list[bytes]:
+    """The numbers of a command that takes several; an empty one is skipped, not read as 0."""
+    return [field for field in _SEPARATORS.split(args) if field]
 
 
 def short(value: int) -> int:
-    """Convert a number as a 16-bit integer of the firmware does."""
+    """Convert a number as a signed 16-bit integer of the firmware does."""
     return (value + 0x8000) % 0x1_0000 - 0x8000
+
+
+def single(value: float) -> float:
+    """The nearest number that 32 bits hold, as the firmware stores it and regulates with it."""
+    try:
+        (held,) = struct.unpack("f", struct.pack("f", value))
+    except OverflowError:
+        return math.copysign(math.inf, value)
+    return float(held)
 
 
 class SettingRefused(msgspec.Struct, frozen=True):
@@ -81,25 +105,41 @@ class SettingRefused(msgspec.Struct, frozen=True):
 def changed(content: FlashContent, name: bytes, args: bytes) -> FlashContent | SettingRefused:
     """The flash after ``$name:args#``, for the settings that a command stores one by one."""
     replace = msgspec.structs.replace
+    number = whole(args) % 0x1_0000
     match name:
         case b"mtype":
-            motor_type = whole(args)
-            if not 1 <= motor_type <= 4:
+            if not 1 <= number <= 4:
                 return SettingRefused(b"fail,type error!")
-            return replace(content, motor_type=motor_type)
+            return replace(content, motor_type=number)
         case b"deadzone":
-            return replace(content, dead_zone=max(0, min(LONGEST_DEAD_ZONE, whole(args))))
+            if number > LONGEST_DEAD_ZONE:
+                return SettingRefused(b"fail,deadzone error!")
+            return replace(content, dead_zone=number)
         case b"mline":
-            return replace(content, lines=short(whole(args)))
+            return replace(content, lines=number)
         case b"mphase":
-            return replace(content, ratio=short(whole(args)))
+            return replace(content, ratio=number)
         case b"wdiameter":
-            return replace(content, wheel_diameter_mm=decimal(args))
+            if not _storable(diameter_mm := decimal(args)):
+                return SettingRefused(b"fail,wdiameter error!")
+            return replace(content, wheel_diameter_mm=_kept(content.wheel_diameter_mm, diameter_mm))
         case b"MPID":
-            p, i, d = (max(0.0, decimal(part)) for part in (args.split(b",") + [b""] * 3)[:3])
+            gains = [decimal(field) for field in (fields(args) + [b""] * 3)[:3]]
+            if not all(map(_storable, gains)):
+                return SettingRefused(b"fail,MPID error!")
+            p, i, d = map(_kept, (content.p, content.i, content.d), gains)
             return replace(content, p=p, i=i, d=d)
         case _:
             raise KeyError(name)
+
+
+def _storable(value: float) -> bool:
+    return 0.0 <= single(value) < math.inf
+
+
+def _kept(before: float, value: float) -> float:
+    """The value, unless 32 bits cannot tell it from the one before."""
+    return before if single(before) == single(value) else value
 
 
 SETTINGS = (b"mtype", b"deadzone", b"mline", b"mphase", b"wdiameter", b"MPID")
@@ -118,6 +158,12 @@ def cut_short(content: FlashContent, written: int) -> FlashContent:
     return msgspec.structs.replace(content, **{name: lost[name] for name in names})
 
 
+def is_erased(content: FlashContent, name: str) -> bool:
+    """Whether a value is what erased flash holds, so that another needs no erasure."""
+    value, erased = getattr(content, name), getattr(_ERASED, name)
+    return bool(value == erased or (math.isnan(value) and math.isnan(erased)))
+
+
 def report(content: FlashContent, version: str) -> bytes:
     """The answer to ``$read_flash#``: text lines, not frames."""
     lines = (
@@ -127,10 +173,16 @@ def report(content: FlashContent, version: str) -> bytes:
         f"Dead_Zone:{content.dead_zone}",
         f"Pulse_Line:{content.lines}",
         f"Pulse_Phase:{content.ratio}",
-        f"wheel_diameter:{content.wheel_diameter_mm:.3f}",
-        f"P:{content.p:.3f}\t I:{content.i:.3f}\t D:{content.d:.3f}\t ",
+        f"wheel_diameter:{_printed(content.wheel_diameter_mm)}",
+        f"P:{_printed(content.p)}\t I:{_printed(content.i)}\t D:{_printed(content.d)}\t ",
     )
     return "".join(f"{line}\r\n" for line in lines).encode()
+
+
+def _printed(value: float) -> str:
+    """Three decimals of the stored number, of which 17 digits are printed and zeros follow."""
+    held = single(value)
+    return f"{Decimal(f'{held:.16e}'):.3f}" if math.isfinite(held) else _NO_NUMBER
 
 
 def mm_s_per_tick(content: FlashContent) -> float:
@@ -156,7 +208,8 @@ def tuning(content: FlashContent, wired_type: int) -> LoopSettings:
         p=_number(content.p),
         i=_number(content.i),
         d=_number(content.d),
-        dead_zone=content.dead_zone,
+        dead_zone=short(content.dead_zone),
+        most_output=LOOP_LIMIT,
         # TT motors without encoder are not regulated.
         frozen=content.motor_type == 4,
         # The types differ in how their wires are arranged.
@@ -170,8 +223,8 @@ def _number(value: float) -> float:
     return 0.0 if math.isnan(value) else value
 
 
-_POWER_CROSSED = (2, 3)
-_PHASES_CROSSED = (3,)
+_POWER_CROSSED = (3,)
+_PHASES_CROSSED = (2, 3)
 """Types whose motor wires, or encoder phases, run the other way than a 520's. A 520 on a board set
 for a 310 runs away; a TT motor on a board set for a 520 turns backward, and counts forward."""
 

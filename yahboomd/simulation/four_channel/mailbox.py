@@ -3,6 +3,7 @@
 - ``$`` opens a frame, ``#`` closes it; between them everything is data, ``$`` and newlines too.
 - Outside a frame everything is ignored.
 - A frame of more than 51 characters is given up at its 52nd.
+- Of a finished frame and one that was too long the main loop sees the later one alone.
 - A finished frame overwrites whatever is in the mailbox, and the loop that carries out a command
   wipes the mailbox afterwards: a frame that arrived meanwhile is found empty.
 """
@@ -34,12 +35,12 @@ class Mailbox:
         if byte == _CLOSE:
             self._content = bytes(self._collected)
             self._collected = None
-            self.ready = True
+            self.ready, self.too_long = True, False
             return True
         self._collected.append(byte)
         if len(self._collected) > LONGEST_FRAME:
             self._collected = None
-            self.too_long = True
+            self.ready, self.too_long = False, True
             return True
         return False
 

@@ -9,11 +9,14 @@ line; each of them blocks it until its last byte has left.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from random import Random
+
+import msgspec
 
 from yahboomd.core.clock import nanoseconds
 from yahboomd.core.model import CHANNELS, Counts
-from yahboomd.simulation.board import BOOT_NS, NEVER, Emit
+from yahboomd.simulation.board import NEVER, Emit
 from yahboomd.simulation.four_channel.flash import (
     SETTINGS,
     FlashContent,
@@ -21,6 +24,8 @@ from yahboomd.simulation.four_channel.flash import (
     changed,
     confirmation,
     cut_short,
+    fields,
+    is_erased,
     report,
     short,
     tuning,
@@ -33,28 +38,62 @@ from yahboomd.simulation.plant import Plant
 from yahboomd.simulation.speed_loop import SPEED_MAX, TICK_NS, MotorControl, beyond
 from yahboomd.simulation.wire import transfer_ns
 
-NOTICE_NS = 400_000
+NOTICE_NS = 30_000
 """The time from the last byte of a command to its effect, when the main loop is idle."""
 
-CARRY_OUT_NS = 200_000
+CARRY_OUT_NS = 100_000
 """The time for which a command without an answer occupies the main loop."""
 
-STORE_NS = (65_000_000, 116_000_000)
-STORE_GAINS_NS = (250_000_000, 350_000_000)
-ERASE_NS = (600_000_000, 1_000_000_000)
+START_NS = 2_300_000
+"""The time from a reset to the banner. How soon a processor's clocks run is assumed: 2 ms of it."""
+
+ERASE_NS = (20_000_000, 40_000_000, 30_000_000)
+FILL_NS = (43_000_000, 74_000_000, 55_650_000)
+"""The page of the flash is erased, the processor halted, then filled: least, most, typical."""
+
+GAINS = ("p", "i", "d")
+FIELDS = {
+    b"mtype": ("motor_type",),
+    b"deadzone": ("dead_zone",),
+    b"mline": ("lines",),
+    b"mphase": ("ratio",),
+    b"wdiameter": ("wheel_diameter_mm",),
+}
+"""What a command stores. The gains are obeyed after the reset, the others at once."""
+
+PREPARE_NS = 280_000
+"""The time before each erasure, in which interrupts still come."""
+
+HEADER_NS = 435_000
+VALUE_NS = 80_000
+"""The values follow a header in the page; most of the time goes into its empty rest."""
+
+LAST_WORDS = b"\r\nReset MCU\r"
+"""The reset cuts its line's end off: the banner comes in the same line."""
+
+DIGIT_NS = 36_000
+COPIES = 2
+AHEAD = 2
+"""Each text goes to two ports in turn, and the last bytes of one leave while the other begins."""
+
 OFF_NS = 50_000_000
-"""How long the supply is gone where it fails within such an operation."""
+"""How long the supply is gone where it fails within a write."""
 
-DEAF_SHARE = 0.9
-"""Share of a flash operation during which received bytes are lost."""
+SPEED_LINE_TICKS = 6
+VOLTS_TICKS = 21
+MOST_VOLTS = 13.3
+"""The supply is measured that often, and read as 0 before the first time after a reset."""
 
-SPEED_LINE_NS = 60_000_000
 LONG_LINE = 50
 SPOILT_SHARE = 0.115
 """Commands lost while total lines of :data:`LONG_LINE` bytes and more are sent: 7 to 16 %."""
 
 FATAL_NUMBERS = 14
 """The numbers in one command that overwrite what the MCU needs to go on."""
+
+LACKING_NUMBERS = 2
+"""With so few numbers in a speed or an output the MCU takes the others from where the last line of
+speeds was made: it hangs, not each time but often, if that line was not all zeros."""
 
 _NOT_FOUND = b"fail,Command not found!"
 
@@ -86,6 +125,8 @@ class StreamedBoard:
         self._tuning = tuning(self.flash, self._plant.motor_type)
         self._tick_period_ns = nanoseconds(options.tick_period_s)
         self._tick_jitter_ns = nanoseconds(options.tick_jitter_s)
+        # When the next interrupt is due, and when it comes.
+        self._timer_ns = NEVER
         self._tick_ns = NEVER
         self._renew_ns = NEVER
         self._main_ns = NEVER
@@ -93,21 +134,29 @@ class StreamedBoard:
         self._idle = True
         self._listens_ns = 0
         self.streams = (False, False, False)
-        self._speed_line_ns = 0
+        self._ticks = 0
+        self._speeds_due = False
+        # A board that was powered long ago has measured it.
+        self._volts_seen: float | None = None
         self._long_lines = False
         self.cut_writes = 0
-        self._commands: dict[bytes, Callable[[bytes, int], None]] = {
-            b"spd:": self._spd,
-            b"pwm:": self._pwm,
-            b"upload:": self._upload,
-            b"read_flash": lambda _args, now_ns: self._answer_raw(
-                report(self.flash, self.version), now_ns
-            ),
-            b"read_vol": lambda _args, now_ns: self._answer(
-                f"$Battery:{self._plant.volts:.1f}V#".encode(), now_ns
-            ),
+        self._write: PageWrite | None = None
+        self._held_byte: int | None = None
+        commands: dict[bytes, Callable[[bytes, int], None]] = {
+            b"spd": self._spd,
+            b"pwm": self._pwm,
+            b"read_flash": self._report,
+            b"read_vol": self._volts,
             b"flash_reset": self._flash_reset,
+            **{name: partial(self._set, name) for name in SETTINGS},
         }
+        # Names are in small letters or in capitals, but one.
+        self._commands = {
+            spelt: carry_out
+            for name, carry_out in commands.items()
+            for spelt in (name.lower(), name.upper())
+        }
+        self._commands[b"upload"] = self._upload
 
     @property
     def next_ns(self) -> int:
@@ -126,14 +175,18 @@ class StreamedBoard:
 
     def start(self, now_ns: int) -> None:
         """Start as a board that was powered long ago."""
-        self._tick_ns = now_ns + TICK_NS
+        self._timer_ns = self._tick_ns = now_ns + TICK_NS
         self._listens_ns = now_ns
         self.set_tick_period(now_ns, self._tick_period_ns, self._tick_jitter_ns)
 
     def set_tick_period(self, now_ns: int, period_ns: int, jitter_ns: int = 0) -> None:
         """Renew the totals every ``period_ns`` from now on, or with every line where that is 0."""
         self._tick_period_ns, self._tick_jitter_ns = period_ns, jitter_ns
-        self._renew_ns = now_ns + period_ns if period_ns else NEVER
+        self._renew_ns = now_ns + period_ns if period_ns and not self._renews_at_ticks else NEVER
+
+    @property
+    def _renews_at_ticks(self) -> bool:
+        return self._tick_period_ns == TICK_NS and not self._tick_jitter_ns
 
     def reset(self, now_ns: int, *, off_ns: int = 0, by_power: bool) -> None:
         """Lose all but the flash and start again after ``off_ns``."""
@@ -141,25 +194,52 @@ class StreamedBoard:
         self._control.restart()
         self._mailbox.reset()
         self.streams = (False, False, False)
-        self._long_lines = False
+        self._speeds_due = self._long_lines = False
+        self._ticks = 0
+        self._volts_seen = 0.0
+        self._held_byte = None
+        if self._write is not None:
+            self.flash = self._write.left(now_ns)
+            self._write = None
         self._tuning = tuning(self.flash, self._plant.motor_type)
-        awake_ns = now_ns + off_ns + BOOT_NS
+        said_ns = 0 if by_power else transfer_ns(len(LAST_WORDS), self._baud)
+        awake_ns = now_ns + off_ns + said_ns + START_NS
         self._listens_ns = awake_ns
-        self._tick_ns = awake_ns
-        self._renew_ns = awake_ns if self._tick_period_ns else NEVER
-        # A software reset cuts the line end of its last words: both arrive as one line.
+        self._timer_ns = self._tick_ns = awake_ns + TICK_NS
+        self._renew_ns = NEVER if self._renew_ns == NEVER else awake_ns
         banner = f"Motor_Version:{self.version}\r\n".encode()
-        self._occupy(awake_ns, then=lambda at_ns: self._say(banner, at_ns, then=self._resume))
+
+        def wake(at_ns: int) -> None:
+            self._control.count_from_now(at_ns)
+            self._say(banner, at_ns, then=self._resume)
+
+        self._occupy(awake_ns, then=wake)
         if not by_power:
-            self.emit(b"Reset MCU", now_ns)
+            self.emit(LAST_WORDS, now_ns)
 
     def hang(self) -> None:
         """Stop executing, with the outputs as they are."""
         self._tick_ns = self._renew_ns = self._main_ns = self._listens_ns = NEVER
 
     def receive(self, byte: int, now_ns: int) -> None:
-        """One byte has arrived; it is lost while the board writes flash or starts."""
-        if now_ns < self._listens_ns or not self._mailbox.put(byte):
+        """One byte has arrived; it is lost while the board erases flash or starts."""
+        if now_ns < self._listens_ns:
+            return
+        if self._write is not None and self._write.halts_until_ns(now_ns) > now_ns:
+            # The receiver has room for one.
+            if self._held_byte is None:
+                self._held_byte = byte
+            return
+        self._take_held()
+        self._take(byte, now_ns)
+
+    def _take_held(self) -> None:
+        if self._held_byte is not None:
+            held, self._held_byte = self._held_byte, None
+            self._mailbox.put(held)
+
+    def _take(self, byte: int, now_ns: int) -> None:
+        if not self._mailbox.put(byte):
             return
         if self._long_lines and self._mailbox.ready and self._random.random() < SPOILT_SHARE:
             self._mailbox.spoil()
@@ -179,28 +259,49 @@ class StreamedBoard:
             elif self._tick_ns <= self._main_ns:
                 if (at_ns := self._tick_ns) > now_ns:
                     return
-                self._tick_ns += TICK_NS
-                self._control.tick(at_ns, self._tuning)
+                self._tick(at_ns)
             else:
                 if (at_ns := self._main_ns) > now_ns:
                     return
                 self._main(at_ns)
+
+    def _tick(self, now_ns: int) -> None:
+        # One interrupt can wait while the processor is halted; further ones are lost.
+        self._timer_ns += TICK_NS * ((now_ns - self._timer_ns) // TICK_NS + 1)
+        self._tick_ns = self._timer_ns
+        self._hold_tick()
+        self._control.tick(now_ns, self._tuning)
+        if self._renews_at_ticks:
+            self._control.renew_totals(now_ns, self._tuning)
+        self._ticks += 1
+        if self._ticks % SPEED_LINE_TICKS == 0:
+            self._speeds_due = True
+            if self._idle and self.streams[2]:
+                self._main_ns = now_ns
+        if self._ticks % VOLTS_TICKS == 0 or self._volts_seen is None:
+            self._volts_seen = self._plant.volts
+
+    def _hold_tick(self) -> None:
+        if self._write is not None:
+            self._tick_ns = self._write.halts_until_ns(self._tick_ns)
 
     # The main loop.
 
     def _main(self, now_ns: int) -> None:
         self._main_ns = NEVER
         self._idle = True
+        noticed_ns = now_ns
         if (then := self._then) is not None:
             self._then = None
             then(now_ns)
             if not self._idle or self._listens_ns == NEVER:
                 return
+            noticed_ns += NOTICE_NS
         if self._mailbox.ready:
-            self._execute(self._mailbox.take(), now_ns)
+            self._execute(self._mailbox.take(), noticed_ns)
         elif self._mailbox.too_long:
             self._mailbox.too_long = False
-            self._say(b"fail,command is long!\r\n", now_ns, then=self._resume)
+            self._say(b"fail,command is long!\r\n", noticed_ns, then=self._resume)
         else:
             self._stream(now_ns)
 
@@ -212,7 +313,12 @@ class StreamedBoard:
     def _say(self, data: bytes, now_ns: int, *, then: Callable[[int], None]) -> None:
         if data:
             self.emit(data, now_ns)
-        self._occupy(now_ns + transfer_ns(len(data), self._baud), then=then)
+        self._occupy(now_ns + self._said_ns(len(data)), then=then)
+
+    def _said_ns(self, size: int) -> int:
+        """How long a text occupies the main loop."""
+        copies = 1 if self._pace == "wire" else COPIES
+        return copies * transfer_ns(max(0, size - AHEAD), self._baud)
 
     def _resume(self, _now_ns: int) -> None:
         """Continue the main loop after what occupied it."""
@@ -228,26 +334,31 @@ class StreamedBoard:
         self._say(data, now_ns, then=self._done)
 
     def _stream(self, now_ns: int) -> None:
-        totals, deltas, speeds = self.streams
-        if speeds and now_ns >= self._speed_line_ns:
-            self._speed_line_ns = max(self._speed_line_ns + SPEED_LINE_NS, now_ns)
-            numbers = ",".join(f"{v:.2f}" for v in self._control.speeds_mm_s(self._tuning))
-            self._line(f"$MSPD:{numbers}#\r\n", now_ns, then=self._resume)
-        elif totals:
+        totals, deltas, _ = self.streams
+        if totals:
             if not self._tick_period_ns:
                 self._control.renew_totals(now_ns, self._tuning)
             self._line(
-                self._numbers("MAll", self._control.totals),
-                now_ns,
-                then=self._stream_deltas if deltas else self._resume,
+                self._numbers("MAll", self._control.totals), now_ns, then=self._stream_deltas
             )
         elif deltas:
             self._stream_deltas(now_ns)
-        elif speeds:
-            self._main_ns = self._speed_line_ns
+        else:
+            self._stream_speeds(now_ns)
 
     def _stream_deltas(self, now_ns: int) -> None:
-        self._line(self._numbers("MTEP", self._control.deltas), now_ns, then=self._resume)
+        if self.streams[1]:
+            self._line(
+                self._numbers("MTEP", self._control.deltas), now_ns, then=self._stream_speeds
+            )
+        else:
+            self._stream_speeds(now_ns)
+
+    def _stream_speeds(self, now_ns: int) -> None:
+        if self.streams[2] and self._speeds_due:
+            self._speeds_due = False
+            numbers = ",".join(f"{v:.2f}" for v in self._control.speeds_mm_s(self._tuning))
+            self._line(f"$MSPD:{numbers}#\r\n", now_ns, then=self._resume)
 
     def _line(self, text: str, now_ns: int, *, then: Callable[[int], None]) -> None:
         self.emit(text.encode(), now_ns)
@@ -262,98 +373,167 @@ class StreamedBoard:
     # The commands.
 
     def _execute(self, command: bytes, now_ns: int) -> None:
-        name, colon, args = command.partition(b":")
-        if colon and name in SETTINGS:
-            self._set(name, args, now_ns)
-        elif (carry_out := self._commands.get(name + colon)) is not None:
-            carry_out(args, now_ns)
-        else:
-            self._answer(_NOT_FOUND, now_ns)
+        for name, carry_out in self._commands.items():
+            if command.startswith(name):
+                # Whichever character follows the name is skipped, and a NUL ends the rest.
+                carry_out(command[len(name) + 1 :].partition(b"\0")[0], now_ns)
+                return
+        self._answer(_NOT_FOUND, now_ns)
 
-    def _motor_numbers(self, args: bytes, limit: int) -> tuple[int, ...] | None:
-        """Four clamped numbers; None where there are so many that the MCU hangs."""
-        parts = args.split(b",")
-        if len(parts) >= FATAL_NUMBERS:
-            self.hang()
-            return None
-        numbers = [short(whole(part)) for part in (parts + [b""] * CHANNELS)[:CHANNELS]]
+    def _motor_numbers(self, args: bytes, limit: int) -> tuple[int, ...]:
+        """Four clamped numbers."""
+        numbers = [short(whole(field)) for field in (fields(args) + [b""] * CHANNELS)[:CHANNELS]]
         return tuple(max(-limit, min(limit, number)) for number in numbers)
 
-    def _spd(self, args: bytes, now_ns: int) -> None:
-        if (speeds := self._motor_numbers(args, SPEED_MAX)) is not None:
-            self._control.regulate(speeds)
+    def _carried_out(self, args: bytes, now_ns: int) -> None:
+        numbers = len(fields(args))
+        lacks = numbers <= LACKING_NUMBERS and self.streams[2] and any(self._control.deltas)
+        if numbers >= FATAL_NUMBERS or lacks:
+            self.hang()
+        else:
             self._occupy(now_ns + CARRY_OUT_NS, then=self._done)
+
+    def _spd(self, args: bytes, now_ns: int) -> None:
+        self._control.regulate(self._motor_numbers(args, SPEED_MAX))
+        self._carried_out(args, now_ns)
 
     def _pwm(self, args: bytes, now_ns: int) -> None:
-        if (outputs := self._motor_numbers(args, PWM_MAX)) is not None:
-            self._plant.advance(now_ns)
-            tuning = self._tuning
-            above = tuple(beyond(output, tuning.dead_zone) for output in outputs)
-            self._control.drive(above, inverted=tuning.inverted)
-            self._occupy(now_ns + CARRY_OUT_NS, then=self._done)
+        self._plant.advance(now_ns)
+        tuning = self._tuning
+        outputs = self._motor_numbers(args, PWM_MAX)
+        above = tuple(beyond(output, tuning.dead_zone) for output in outputs)
+        self._control.drive(above, inverted=tuning.inverted)
+        self._carried_out(args, now_ns)
 
     def _upload(self, args: bytes, now_ns: int) -> None:
-        a, b, c = (whole(part) != 0 for part in (args.split(b",") + [b""] * 3)[:3])
+        # What stands between the three digits is not looked at.
+        a, b, c = (args[place : place + 1] == b"1" for place in (0, 2, 4))
         self.streams = (a, b, c)
-        self._speed_line_ns = now_ns
         self._long_lines = self._long_lines and a
         self._occupy(now_ns + CARRY_OUT_NS, then=self._done)
 
+    def _report(self, _args: bytes, now_ns: int) -> None:
+        first, version, *numbers = report(self.flash, self.version).splitlines(keepends=True)
+        lines = [(first, 0), (version, 0), *((line, _printing_ns(line)) for line in numbers)]
+
+        def say(at_ns: int) -> None:
+            line, delay_ns = lines.pop(0)
+            self._say(line, at_ns + delay_ns, then=say if lines else self._done)
+
+        say(now_ns)
+
+    def _volts(self, _args: bytes, now_ns: int) -> None:
+        volts = self._plant.volts if self._volts_seen is None else self._volts_seen
+        text = f"$Battery:{min(MOST_VOLTS, volts):.1f}V#".encode()
+        self._answer(text, now_ns + _printing_ns(text))
+
     def _set(self, name: bytes, args: bytes, now_ns: int) -> None:
         content = changed(self.flash, name, args)
+        fatal = name == b"MPID" and len(fields(args)) >= FATAL_NUMBERS
+        then = self._dies if fatal else self._done
         if isinstance(content, SettingRefused):
-            self._answer(content.answer, now_ns)
-            return
-        confirm = confirmation(name, self.version)
-
-        def stored(at_ns: int) -> None:
-            self.flash = content
-            self._tuning = tuning(self.flash, self._plant.motor_type)
-            self._answer_raw(confirm, at_ns)
-
-        def stored_gains(at_ns: int) -> None:
-            self.flash = content
-            self.reset(at_ns, by_power=False)
-
-        if content == self.flash:
-            self._answer_raw(confirm, now_ns)
+            self._say(content.answer + b"\r\n", now_ns, then=then)
+        elif content == self.flash:
+            self._say(confirmation(name, self.version), now_ns, then=then)
         elif name == b"MPID":
-            self._write(STORE_GAINS_NS, content, now_ns, then=stored_gains)
+            self._store(GAINS, content, now_ns, then=self._restart)
         else:
-            self._write(STORE_NS, content, now_ns, then=stored)
+            self._tuning = tuning(content, self._plant.motor_type)
+            self._store(
+                FIELDS[name],
+                content,
+                now_ns,
+                then=lambda at_ns: self._say(confirmation(name, self.version), at_ns, then=then),
+            )
+
+    def _dies(self, _now_ns: int) -> None:
+        self.hang()
 
     def _flash_reset(self, _args: bytes, now_ns: int) -> None:
         def erased(at_ns: int) -> None:
-            self.flash = FlashContent()
-            self._say(
-                b"falsh_reset:OK!\r\n",
-                at_ns,
-                then=lambda then_ns: self.reset(then_ns, by_power=False),
-            )
+            self._say(b"falsh_reset:OK!\r\n", at_ns, then=self._restart)
 
-        self._write(ERASE_NS, FlashContent(), now_ns, then=erased)
+        self._store(FlashContent.__struct_fields__, FlashContent(), now_ns, then=erased)
 
-    def _write(
+    def _restart(self, now_ns: int) -> None:
+        self.reset(now_ns, by_power=False)
+
+    def _store(
         self,
-        between_ns: tuple[int, int],
+        names: tuple[str, ...],
         content: FlashContent,
         now_ns: int,
         *,
         then: Callable[[int], None],
     ) -> None:
-        duration_ns = self._random.randint(*between_ns)
-        if self.cut_writes:
-            self.cut_writes -= 1
-            written = self._random.randrange(len(FlashContent.__struct_fields__))
-            duration_ns = duration_ns * (1 + written) // (1 + len(FlashContent.__struct_fields__))
+        """Store values one by one, and write the page again for each."""
+        fails = self._random.randrange(len(names)) if self.cut_writes else NEVER
+        self.cut_writes = max(0, self.cut_writes - 1)
 
-            def lost(at_ns: int) -> None:
-                self.flash = cut_short(content, written)
-                self.reset(at_ns, off_ns=OFF_NS, by_power=True)
+        def write(index: int, at_ns: int) -> None:
+            self._take_held()
+            self._write = None
+            if index == len(names):
+                then(at_ns)
+                return
+            value = {names[index]: getattr(content, names[index])}
+            to_erase = not is_erased(self.flash, names[index])
+            self.flash = msgspec.structs.replace(self.flash, **value)
+            if not to_erase:
+                self._occupy(at_ns + PREPARE_NS, then=partial(write, index + 1))
+                return
+            self._write = page = PageWrite(self.flash, at_ns, self._random)
+            self._hold_tick()
+            if index == fails:
+                self._occupy(page.some_moment_ns(self._random), then=self._lose_power)
+            else:
+                self._occupy(page.filled_ns, then=partial(write, index + 1))
 
-            then = lost
-        self._listens_ns = now_ns + round(DEAF_SHARE * duration_ns)
-        self._occupy(now_ns + duration_ns, then=then)
+        write(0, now_ns)
+
+    def _lose_power(self, now_ns: int) -> None:
+        self.reset(now_ns, off_ns=OFF_NS, by_power=True)
+
+
+class PageWrite:
+    """The flash's one page, which is erased and filled with a content.
+
+    Attributes:
+        erased_ns: When it is empty, and the processor goes on.
+        filled_ns: When the write is done.
+    """
+
+    def __init__(self, content: FlashContent, now_ns: int, random: Random) -> None:
+        self._content = content
+        self._begin_ns = now_ns + PREPARE_NS
+        self.erased_ns = self._begin_ns + _duration_ns(ERASE_NS, random)
+        self.filled_ns = self.erased_ns + _duration_ns(FILL_NS, random)
+
+    def halts_until_ns(self, at_ns: int) -> int:
+        """When the processor goes on if it is halted at a moment, which is that moment if not."""
+        return self.erased_ns if self._begin_ns <= at_ns < self.erased_ns else at_ns
+
+    def left(self, at_ns: int) -> FlashContent:
+        """What the board has after a loss of power: what it is sold with if the page was empty."""
+        values_ns = at_ns - self.erased_ns - HEADER_NS
+        if values_ns < -HEADER_NS:
+            return FlashContent()
+        return cut_short(self._content, max(0, values_ns) // VALUE_NS)
+
+    def some_moment_ns(self, random: Random) -> int:
+        """A moment of the erasure, or of those in which values are written."""
+        value = random.randrange(-1, len(FlashContent.__struct_fields__))
+        return self.erased_ns - 1 if value < 0 else self.erased_ns + HEADER_NS + value * VALUE_NS
+
+
+def _printing_ns(text: bytes) -> int:
+    """The time that the numbers of a text take to be printed."""
+    return DIGIT_NS * sum(byte in b"0123456789" for byte in text)
+
+
+def _duration_ns(bounds_ns: tuple[int, int, int], random: Random) -> int:
+    least, most, typical = bounds_ns
+    return round(random.triangular(least, most, typical))
 
 
 def line_period_ns(size: int, baud: int, pace: StreamPace) -> int:

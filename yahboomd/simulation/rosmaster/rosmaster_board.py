@@ -13,7 +13,6 @@
 
 from __future__ import annotations
 
-import math
 import struct
 from random import Random
 from typing import Any
@@ -23,9 +22,10 @@ import msgspec
 from yahboomd.core.clock import nanoseconds
 from yahboomd.core.model import CHANNELS, Counts
 from yahboomd.simulation.board import BOOT_NS, NEVER, Emit
-from yahboomd.simulation.imu import GRAVITY_M_S2, SENSORS, ImuModel
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.plant import Plant
+from yahboomd.simulation.rosmaster.battery_alarm import BatteryAlarm
+from yahboomd.simulation.rosmaster.board_sensor import BoardSensor
 from yahboomd.simulation.rosmaster.car_drive import BRAKES, CarDrive
 from yahboomd.simulation.rosmaster.car_types import CAR_TYPES, SUNRISE, TYPES
 from yahboomd.simulation.rosmaster.one_buffer import OneBuffer
@@ -48,17 +48,9 @@ REPORTS = ((1_000_000, 0x0A), (11_000_000, 0x0B), (21_000_000, 0x0C), (31_000_00
 BATTERY_NS = 100_000_000
 BATTERY_FIRST_NS = 93_000_000
 """After the start; until then it reports no voltage at all."""
-ALARM_AFTER = 20
-LOW_V, HIGH_V = 9.6, 13.0
-SUNRISE_V = (6.5, 8.5)
-"""The limits of the car with two cells. For the others no alarm is raised in between."""
 
 LATCHED_RESET_NS = 50_000_000
 """A board whose alarm has latched takes a car type and resets itself so much later."""
-
-SCALES_MPU = (3754.9, 16384.0 / GRAVITY_M_S2, 1.0 / 0.15e-6)
-SCALES_ICM = (1000.0, 1000.0, 1e9)
-"""Counts of the registers for 1 rad/s, 1 m/s^2 and 1 T."""
 
 SOLD_AS = RosmasterStored()
 SUNRISE_GAINS = {"p": 1.5, "i": 0.08, "d": 0.5}
@@ -81,10 +73,7 @@ class RosmasterBoard:
         self._drive = CarDrive(plant, self._control, self.flash)
         self._firmware = options.firmware or FIRMWARE
         self._start_up_ns = nanoseconds(options.start_up_s)
-        sensor = SENSORS.get(self.flash.imu)
-        self._imu = None if sensor is None else ImuModel(sensor, random)
-        self._gyro_zero: tuple[float, ...] = (0.0, 0.0, 0.0)
-        self._heading_zero = 0.0
+        self._sensor = BoardSensor(self.flash.imu, plant, random)
         self._buffer = OneBuffer()
         self._deaf_ns = 0
         self._tick_ns = self._look_ns = self._battery_ns = self._cycle_ns = NEVER
@@ -98,8 +87,8 @@ class RosmasterBoard:
         self._yaw_gains = (stored.yaw_p, stored.yaw_i, stored.yaw_d)
         self._reports = bool(stored.auto_report)
         self._buffer.clear()
-        self._alarms = self._tenths = 0
-        self._latched = self._let_go = False
+        self._alarm = BatteryAlarm()
+        self._let_go = False
         self._velocity = (0, 0, 0)
         self._report = 0
 
@@ -133,7 +122,7 @@ class RosmasterBoard:
         """Be a board that was powered long ago."""
         self._listens_ns = now_ns
         self._begin(now_ns)
-        self._tenths = int(self._plant.volts * 10.0)
+        self._alarm.measure(self._plant.volts, self._drive.car_type)
 
     def reset(self, now_ns: int, *, off_ns: int = 0, by_power: bool) -> None:  # noqa: ARG002
         """Lose all but the flash, announce the start, and be silent while the sensor is set up."""
@@ -197,12 +186,7 @@ class RosmasterBoard:
         self._battery_ns = now_ns + BATTERY_FIRST_NS
         self._drive.begin()
         self._replace_gains()
-        # It takes one reading for the gyro's zero, wherever it moves.
-        self._gyro_zero = (0.0, 0.0, 0.0)
-        self._plant.advance(now_ns)
-        self._heading_zero = self._plant.chassis.pose.theta
-        if self._imu is not None:
-            self._gyro_zero = self._measured(now_ns)[0]
+        self._sensor.begin(now_ns)
         self._look_ns = now_ns if self._buffer.waits else NEVER
 
     def _replace_gains(self) -> None:
@@ -216,7 +200,7 @@ class RosmasterBoard:
 
     def _tick(self, now_ns: int) -> None:
         self._tick_ns += TICK_NS
-        if self._latched:
+        if self._alarm.latched:
             if not self._let_go:
                 self._let_go = True
                 self._control.release()
@@ -235,19 +219,9 @@ class RosmasterBoard:
         """
         self._battery_ns += BATTERY_NS
         self._plant.advance(now_ns)
-        if not self._latched:
-            self._tenths = int(self._plant.volts * 10.0)
-            self._alarms = self._alarms + 1 if self._is_bad(self._tenths / 10.0) else self._alarms
-            self._latched = self._alarms > ALARM_AFTER
-        if self._latched:
+        self._alarm.measure(self._plant.volts, self._drive.car_type)
+        if self._alarm.latched:
             self._drive.brake()
-
-    def _is_bad(self, volts: float) -> bool:
-        low, high = SUNRISE_V if self._drive.car_type == SUNRISE else (LOW_V, HIGH_V)
-        if low <= volts <= high:
-            self._alarms = 0
-            return False
-        return not SUNRISE_V[0] <= volts <= SUNRISE_V[1]
 
     def _look(self, now_ns: int) -> None:
         self._look_ns = NEVER
@@ -262,14 +236,14 @@ class RosmasterBoard:
         if self._report == len(REPORTS):
             self._report = 0
             self._cycle_ns += CYCLE_NS
-        if not self._reports or self._latched:
+        if not self._reports or self._alarm.latched:
             return
         if kind == 0x0A:
             self._send_speed(now_ns)
         elif kind == 0x0D:
             self._send(kind, struct.pack("<4i", *self.totals), now_ns)
-        elif self._imu is not None:
-            self._send_sensor(kind, now_ns)
+        elif (report := self._sensor.report(kind, now_ns)) is not None:
+            self._send(*report, now_ns)
 
     def _write_flash(self, now_ns: int, times: int = 1, **values: Any) -> None:  # noqa: ANN401
         """Store values; everything else waits meanwhile."""
@@ -292,36 +266,12 @@ class RosmasterBoard:
 
     def _send_speed(self, now_ns: int) -> None:
         velocity = map(short, self._velocity)
-        self._send(0x0A, struct.pack("<3hB", *velocity, self._tenths & 0xFF), now_ns)
-
-    def _send_sensor(self, kind: int, now_ns: int) -> None:
-        if kind == 0x0C:
-            turned_by = self._plant.chassis.pose.theta - self._heading_zero
-            theta = math.remainder(turned_by, math.tau)
-            self._send(kind, struct.pack("<3h", 0, 0, short(theta * 1e4)), now_ns)
-            return
-        gyro, force, field = self._measured(now_ns)
-        turned = tuple(value - zero for value, zero in zip(gyro, self._gyro_zero, strict=True))
-        mpu = self.flash.imu == "mpu9250"
-        scales = SCALES_MPU if mpu else SCALES_ICM
-        values = [
-            short(scale * value)
-            for scale, vector in zip(scales, (turned, force, field), strict=True)
-            for value in vector
-        ]
-        self._send(0x0B if mpu else 0x0E, struct.pack("<9h", *values), now_ns)
-
-    def _measured(self, now_ns: int) -> tuple[tuple[float, ...], ...]:
-        assert self._imu is not None
-        plant = self._plant
-        plant.advance(now_ns)
-        twist = plant.chassis.twist([motor.speed_m_s for motor in plant.motors])
-        return tuple(self._imu.sample(now_ns, twist, plant.chassis.pose.theta))
+        self._send(0x0A, struct.pack("<3hB", *velocity, self._alarm.tenths & 0xFF), now_ns)
 
     # What it does.
 
     def _execute(self, function: int, args: bytes, now_ns: int) -> None:
-        if self._latched and function not in {0x0F, 0x15, 0x50}:
+        if self._alarm.latched and function not in {0x0F, 0x15, 0x50}:
             return
         drive, saved = self._drive, args[6] == IN_FLASH
         signed = args[1] - 256 if args[1] > 127 else args[1]
@@ -398,7 +348,7 @@ class RosmasterBoard:
                 if saved:
                     self._keep_gains()
                     self._write_flash(now_ns)
-        if self._latched:
+        if self._alarm.latched:
             self._reset_ns = max(self._deaf_ns, now_ns) + LATCHED_RESET_NS
 
     def _set_gains(self, p: float, i: float, d: float) -> None:
@@ -425,6 +375,7 @@ class RosmasterBoard:
         # The gains, an arm's and two marks are written without a look.
         self.flash = msgspec.structs.replace(SOLD_AS, imu=stored.imu)
         self._drive.set_centre(SOLD_AS.steering_centre)
+        self._reports = True
         self._write_flash(now_ns, times=5 + sum(differ))
         self._reset_ns = self._deaf_ns
 

@@ -4,14 +4,23 @@ from __future__ import annotations
 
 import contextlib
 import os
+import stat
 from collections.abc import Mapping
 from glob import glob
 from pathlib import Path
 from typing import NamedTuple
 
-from yahboomd.core.blackbox.box_file import Box, Header, NotABox, read_box, read_header, settings_of
+from yahboomd.core.blackbox.box_file import (
+    INFLATED_MOST,
+    Box,
+    Header,
+    NotABox,
+    read_box,
+    read_header,
+    settings_of,
+)
 from yahboomd.core.blackbox.ring_file import is_live, ring_folder, rings
-from yahboomd.core.blackbox.saved_boxes import box_bytes, saved_boxes
+from yahboomd.core.blackbox.saved_boxes import saved_boxes
 from yahboomd.core.errors import ConfigError
 from yahboomd.core.program import plain
 from yahboomd.tools.blackbox.box_story import last_stop, wall_clock
@@ -178,6 +187,23 @@ def boxes(where: Places) -> list[Found]:
                 at_ns, robot = wall_clock(box)(last_ns), robot_of(box.header)
                 found.append(Found(path, name, kind, at_ns, len(data), robot))
     return sorted(found, key=lambda each: (each.kind == "running", each.written_ns))
+
+
+def box_bytes(path: Path) -> bytes:
+    """The bytes of a ring or a saved box.
+
+    Raises:
+        OSError: The file cannot be read.
+        NotABox: It is larger than any box.
+    """
+    # A pipe without a writer would be waited for.
+    with os.fdopen(os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK), "rb") as file:
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            raise NotABox("This is no black box of yahboomd, and no file.")
+        data = file.read(INFLATED_MOST + 1)
+    if len(data) > INFLATED_MOST:
+        raise NotABox("This is no black box of yahboomd: it is larger than any.")
+    return data
 
 
 def _robot(path: Path) -> BoxRobot | None:

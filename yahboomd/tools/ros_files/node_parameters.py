@@ -45,7 +45,7 @@ NORMAL_SHARE = 0.5
 
 def nav2(config: Config) -> Tree:
     """Parameters to lay over ``nav2_params.yaml`` of the distribution's nav2_bringup."""
-    odom, base = _frames(config)
+    (odom, base), room = _frames(config), _map(config)
     older = config.ros2.distro in OLDER_NAV2
     holonomic = config.kinematics().holonomic
     speeds = _speeds(config.limits.linear, NAV2_LINEAR)
@@ -62,7 +62,7 @@ def nav2(config: Config) -> Tree:
     def triple(key: str, sign: float = 1.0) -> list[float]:
         return [sign * speeds[key], sign * sideways * speeds[key], sign * turns[key]]
 
-    amcl: Tree = {"base_frame_id": base, "odom_frame_id": odom}
+    amcl: Tree = {"base_frame_id": base, "odom_frame_id": odom, "global_frame_id": room}
     if holonomic:
         amcl["robot_model_type"] = "nav2_amcl::OmniMotionModel"
     if older:
@@ -70,8 +70,9 @@ def nav2(config: Config) -> Tree:
     else:
         least_m = config.kinematics().least_radius_m
         follow = _mppi(speeds, turns, holonomic=holonomic, least_radius_m=least_m)
+    frames: Tree = {"global_frame": room, "local_frame": odom}
     recoveries: Tree = {
-        ("global_frame" if config.ros2.distro == "humble" else "local_frame"): odom,
+        **({"global_frame": odom} if config.ros2.distro == "humble" else frames),
         "robot_base_frame": base,
         "min_rotational_vel": slow,
         "max_rotational_vel": fast,
@@ -88,7 +89,7 @@ def nav2(config: Config) -> Tree:
     }
     nodes: dict[str, Tree] = {
         "amcl": amcl,
-        "bt_navigator": {"robot_base_frame": base, **topic},
+        "bt_navigator": {"global_frame": room, "robot_base_frame": base, **topic},
         "controller_server": {**topic, **stamped, "FollowPath": follow},
         "behavior_server": recoveries,
         "velocity_smoother": smoother,
@@ -104,14 +105,17 @@ def nav2(config: Config) -> Tree:
     tree = _parameters(nodes)
     local: Tree = {"global_frame": odom, "robot_base_frame": base, **radius}
     tree["local_costmap"] = _parameters({"local_costmap": local})
-    tree["global_costmap"] = _parameters({"global_costmap": {"robot_base_frame": base, **radius}})
+    wide: Tree = {"global_frame": room, "robot_base_frame": base, **radius}
+    tree["global_costmap"] = _parameters({"global_costmap": wide})
     return tree
 
 
 def slam_toolbox(config: Config) -> Tree:
     """Parameters to lay over ``mapper_params_online_async.yaml`` of slam_toolbox."""
     odom, base = _frames(config)
-    return _parameters({"slam_toolbox": {"odom_frame": odom, "base_frame": base}})
+    frames: Tree = {"map_frame": _map(config), "odom_frame": odom, "base_frame": base}
+    # Its default has a slash in front, and leaves the namespace.
+    return _parameters({"slam_toolbox": {**frames, "map_name": "map"}})
 
 
 def robot_localization(config: Config) -> Tree:
@@ -126,7 +130,7 @@ def robot_localization(config: Config) -> Tree:
                 "frequency": config.odometry.publish_rate_hz,
                 "two_d_mode": True,
                 "publish_tf": True,
-                "map_frame": "map",
+                "map_frame": _map(config),
                 "odom_frame": odom,
                 "base_link_frame": base,
                 "world_frame": odom,
@@ -235,6 +239,10 @@ def _speeds(limits: AxisLimits, tuned: Mapping[str, float]) -> dict[str, float]:
 def _frames(config: Config) -> tuple[str, str]:
     prefix, odometry = config.ros2.frame_prefix, config.odometry
     return prefix + odometry.frame_id, prefix + odometry.child_frame_id
+
+
+def _map(config: Config) -> str:
+    return f"{config.ros2.frame_prefix}map"
 
 
 def _stamped(config: Config) -> tuple[str, ...]:

@@ -24,7 +24,7 @@ from yahboomd.core.daemon.key_table import INPUTS, OFFERS, OUTPUTS, ROS_TOPICS, 
 from yahboomd.core.messages.codecs import MAX_PAYLOAD_BYTES, MEDIA_TYPES, encoding_name
 from yahboomd.core.messages.native import EventSample, ServiceReply, StatusSample
 from yahboomd.core.messages.status_fields import FIELDS
-from yahboomd.tools.schemas import event_samples, samples
+from yahboomd.tools.schemas import event_samples, move_samples, samples
 from yahboomd.tools.schemas.event_kinds import EVENTS, KINDS
 
 Json = dict[str, Any]
@@ -83,7 +83,7 @@ def _kinds(message: type[msgspec.Struct]) -> str:
 def _message(message: type[msgspec.Struct]) -> Json:
     name = message.__name__
     event = name in EVENTS
-    example = (event_samples.SAMPLES if event else samples.NATIVE)[name]
+    example = {**event_samples.SAMPLES, **samples.NATIVE, **move_samples.SAMPLES}[name]
     summary = " ".join((message.__doc__ or "").split())
     made: Json = {
         "name": name,
@@ -197,7 +197,7 @@ class _Document:
 def document() -> Json:
     """The whole AsyncAPI document."""
     made = _Document()
-    for key, output in OUTPUTS.items():
+    for key, output in {**OUTPUTS, **move_samples.OUTPUTS}.items():
         name = output.message.__name__
         encodings = [encoding_name(output.message, each) for each in ("json", "msgpack")]
         carried = (output.message, *(EVENTS.values() if key == keys.EVENTS else ()))
@@ -207,7 +207,7 @@ def document() -> Json:
             zenoh=_qos("data_high", blocks=False, encodings=encodings),
             tag="published",
         )
-        if key in keys.SAMPLES:
+        if key in {*keys.SAMPLES, *move_samples.OUTPUTS}:
             made.operation(
                 *("get", key, "receive", [QUERY]),
                 summary=f"Returns the newest {name}; before the first one a ServiceReply with "
@@ -216,7 +216,7 @@ def document() -> Json:
                 replies=made.native(output.message, ServiceReply),
                 tag="published",
             )
-    for key, entry in INPUTS.items():
+    for key, entry in {**INPUTS, **move_samples.INPUTS}.items():
         made.operation(
             *("take", key, "receive"),
             [*made.native(*entry.messages), *made.cdr(*entry.ros_types)],
@@ -224,7 +224,7 @@ def document() -> Json:
             zenoh=_takes(cdr=bool(entry.ros_types)),
             tag="commands",
         )
-    for key, offer in OFFERS.items():
+    for key, offer in {**OFFERS, **move_samples.OFFERS}.items():
         _offer(made, key, offer)
     for key, topic in ROS_TOPICS.items():
         made.operation(

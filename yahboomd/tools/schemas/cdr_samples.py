@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from yahboomd.core.messages import cdr, planar, ros2
 from yahboomd.core.messages.rcl_interfaces import LEVELS, log
-from yahboomd.core.messages.set_pose import pose_message
 from yahboomd.core.model import (
     ImuEstimate,
     ImuReading,
@@ -51,6 +51,17 @@ _IMU_ESTIMATE = ImuEstimate(
     theta=IMU.theta,
     theta_variance=IMU.theta_variance,
 )
+
+
+def pose_message(stamp_ns: int, frame_id: str, numbers: Sequence[float]) -> bytes:
+    """A geometry_msgs/msg/PoseWithCovarianceStamped.
+
+    Args:
+        numbers: Position, quaternion, and 36 covariances.
+    """
+    frame = frame_id.encode()
+    pack = cdr.Layout().add("I", 4, 2).text(frame).add("d", 8, 43).packer()
+    return pack(cdr.HEADER_LE, *cdr.stamp(stamp_ns), len(frame) + 1, frame, *numbers)
 
 
 class CdrSample(NamedTuple):

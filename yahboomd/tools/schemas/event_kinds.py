@@ -41,6 +41,7 @@ class WheelFaultEvent(_EventOfKind, frozen=True, kw_only=True):
         "no_counts",
         "off_speed",
         "stop_not_obeyed",
+        "rolled",
     ]
     data: WheelFaultData
 
@@ -251,6 +252,7 @@ KINDS: dict[EventKind, KindInfo] = {
     "no_counts": _wheel("A wheel is commanded, and its encoder shows no motion."),
     "off_speed": _wheel("A wheel turns at another speed than commanded.", "warning"),
     "stop_not_obeyed": _wheel("The wheels do not obey a stop: the motors are cut."),
+    "rolled": _wheel("A wheel that was let go rolled: held until the next drive.", "warning"),
     "odometry_discontinuity": KindInfo(
         ("warning",), "A part of the way was not counted; the pose may be off.", OdometryGapEvent
     ),

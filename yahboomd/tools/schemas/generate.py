@@ -16,13 +16,17 @@ from typing import Any
 
 import msgspec
 
+from yahboomd.client.move_messages import MOVE_MESSAGES
 from yahboomd.core.messages import codecs
 from yahboomd.core.messages.native import MESSAGES
-from yahboomd.tools.schemas import cdr_samples, event_samples, samples
+from yahboomd.tools.schemas import cdr_samples, event_samples, move_samples, samples
 from yahboomd.tools.schemas.event_kinds import EVENTS, KINDS
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
+
+PLAIN = {**samples.NATIVE, **move_samples.SAMPLES}
+"""The golden samples of all messages but events with data."""
 
 BESIDE = "asyncapi.json"
 """A file of the same folder that :mod:`yahboomd.tools.schemas.asyncapi` writes."""
@@ -107,7 +111,7 @@ are in [`docs/bus.md`](../docs/bus.md). Everything here is generated, and checke
 
 def schema(name: str) -> dict[str, Any]:
     """The JSON Schema of a message, with the message's own definition at the top level."""
-    generated = msgspec.json.schema(MESSAGES.get(name) or EVENTS[name])
+    generated = msgspec.json.schema({**MESSAGES, **MOVE_MESSAGES, **EVENTS}[name])
     definitions: dict[str, Any] = generated["$defs"]
     own: dict[str, Any] = definitions.pop(name)
     result = {"$schema": DIALECT, **own, **_EXTRA.get(name, {})}
@@ -147,7 +151,7 @@ def _for_generators(node: object) -> Any:  # noqa: ANN401 - a schema is any JSON
 def generated() -> dict[str, bytes]:
     """Every file below the folder, by its path with forward slashes."""
     files = {"README.md": _readme().encode()}
-    for folder, messages in (("", samples.NATIVE), ("events/", event_samples.SAMPLES)):
+    for folder, messages in (("", PLAIN), ("events/", event_samples.SAMPLES)):
         for name, message in messages.items():
             files[f"{folder}{name}.json"] = _pretty(schema(name))
             files[f"samples/json/{folder}{name}.json"] = codecs.encode(message, "json")
@@ -227,7 +231,7 @@ def _kinds(event: str) -> str:
 
 
 def _readme() -> str:
-    meanings = {name: schema(name)["description"].partition("\n")[0] for name in samples.NATIVE}
+    meanings = {name: schema(name)["description"].partition("\n")[0] for name in PLAIN}
     return _README.format(
         encodings=", ".join(f"`{name}`" for name in codecs.MEDIA_TYPES.values()),
         example=codecs.encoding_name("PoseSample", "json"),

@@ -23,6 +23,7 @@ FILES: Mapping[str, str] = {
     "yahboomd.service": "etc/systemd/system/yahboomd.service",
     "yahboomd@.service": "etc/systemd/system/yahboomd@.service",
     "yahboomd-metrics.service": "etc/systemd/system/yahboomd-metrics.service",
+    "yahboomd-moves.service": "etc/systemd/system/yahboomd-moves.service",
     "yahboomd-web.service": "etc/systemd/system/yahboomd-web.service",
     "95-yahboomd.rules": "etc/udev/rules.d/95-yahboomd.rules",
     "yahboomd.sysusers.conf": "etc/sysusers.d/yahboomd.conf",

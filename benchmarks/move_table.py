@@ -291,7 +291,7 @@ def table(results: list[Result], plain: list[Result]) -> str:
 
 def main() -> None:
     """The command."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.moves", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.move_table", description=__doc__)
     parser.add_argument("--moves", type=int, default=400)
     parser.add_argument("--seed", type=int, default=1)
     args = parser.parse_args()

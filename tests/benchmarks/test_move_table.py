@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from benchmarks.moves import EACH, one, table
+from benchmarks.move_table import EACH, one, table
 
 
 @pytest.mark.parametrize("lag_s", [0.06, 0.25])

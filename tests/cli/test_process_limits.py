@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from yahboomd.core.daemon.process_limits import ADDRESSES, THREADS, WANTED, make_room
+from yahboomd.cli.process_limits import ADDRESSES, THREADS, WANTED, make_room
 
 
 @pytest.fixture(autouse=True)
@@ -44,7 +44,7 @@ def test_a_limit_that_is_higher_already_stays(limits: int) -> None:
 def test_a_limit_that_connections_can_exhaust_is_named_at_the_start() -> None:
     script = (
         "import logging, resource\n"
-        "from yahboomd.core.daemon.process_limits import make_room\n"
+        "from yahboomd.cli.process_limits import make_room\n"
         "logging.basicConfig()\n"
         "for hard in (2048, 2047):\n"
         "    resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))\n"
@@ -61,7 +61,7 @@ def test_a_limit_that_connections_can_exhaust_is_named_at_the_start() -> None:
 def test_too_few_descriptors_are_refused_with_what_raises_the_limit() -> None:
     script = (
         "import resource\n"
-        "from yahboomd.core.daemon.process_limits import make_room\n"
+        "from yahboomd.cli.process_limits import make_room\n"
         "resource.setrlimit(resource.RLIMIT_NOFILE, (63, 63))\n"
         "try: make_room()\n"
         "except Exception as error: print(error.exit_code, error)\n"
@@ -106,7 +106,7 @@ def test_too_little_address_space_is_refused_in_a_sentence_before_zenoh_panics(
 def test_too_few_threads_for_this_user_are_refused_with_how_many_there_are() -> None:
     script = (
         "import os, resource\n"
-        "from yahboomd.core.daemon.process_limits import THREADS, check_limits\n"
+        "from yahboomd.cli.process_limits import THREADS, check_limits\n"
         # Root's threads are not limited, and this user has no other.
         "os.getuid() or os.setuid(61234)\n"
         "hard = resource.getrlimit(resource.RLIMIT_NPROC)[1]\n"

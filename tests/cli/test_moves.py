@@ -1,0 +1,27 @@
+"""``yahboomd moves``: serves, reports the daemon, ends in order."""
+
+from __future__ import annotations
+
+import pytest
+from real_robot import Process, free_endpoint
+
+pytestmark = pytest.mark.realtime
+
+
+@pytest.mark.xdist_group("one_robot")
+def test_it_finds_the_daemon_and_ends_at_a_signal(one_robot) -> None:
+    served = Process("moves", "--connect", one_robot.endpoint)
+    served.says("answers")
+    assert served.end() == 0
+    assert f"Moves are served at {one_robot.endpoint}." in served.output
+
+
+def test_without_a_daemon_it_waits_and_ends_at_a_signal() -> None:
+    served = Process("moves", "--connect", free_endpoint())
+    served.says("is waited for")
+    assert served.end() == 0
+
+
+def test_a_configuration_that_cannot_be_used_ends_it() -> None:
+    served = Process("moves", "--set", "limits.linear.velocity=fast")
+    assert served.end_by_itself() == 78

@@ -1,0 +1,155 @@
+"""The service on a real bus, between clients and what looks like a daemon."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator, Callable
+from typing import Any
+
+import pytest
+from fake_daemon import fake_daemon
+from zenoh_fixtures import eventually
+
+from yahboomd.client import AsyncRobot, connect
+from yahboomd.client.move_messages import BEAT, CANCEL, MOVES, PAUSE, RESUME, SOURCE, START
+from yahboomd.core.clock import SystemClock
+from yahboomd.core.config import read
+from yahboomd.moves import move_keeper
+from yahboomd.moves.motion import move_watch
+from yahboomd.moves.move_service import MoveService
+
+__all__ = ["fake_daemon"]
+
+pytestmark = pytest.mark.realtime
+
+STRAIGHT = b'{"moves": [{"kind": "straight", "distance_m": 1.0}], "by": "a test"}'
+
+
+@pytest.fixture
+def patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a busy machine poses come late."""
+    monkeypatch.setattr(move_keeper, "POSE_S", 60.0)
+    monkeypatch.setattr(move_keeper, "OBEYS_S", 600.0)
+    # The daemon's base stands, whatever it is commanded.
+    monkeypatch.setattr(move_watch, "BLOCKED_S", 600.0)
+
+
+@pytest.fixture
+async def served(
+    fake_daemon: Callable[..., Any], patience: None
+) -> AsyncIterator[tuple[Any, AsyncRobot, MoveService]]:
+    """A daemon, a client, and the service, which knows the daemon."""
+    config = read(None, environ={}).config.resolved().as_data()
+    config["command"]["timeout_s"] = 60.0
+    config["command"]["sources"][SOURCE]["timeout_s"] = 60.0
+    daemon = await fake_daemon(config=config)
+    async with connect(daemon.endpoint) as robot:
+        service = MoveService(robot._connection.options, SystemClock())
+        running = asyncio.create_task(service.run())
+
+        async def ready() -> bool:
+            answer = await robot.request(PAUSE)
+            return answer.answered == 1 and service._keeper.knows_base
+
+        while not (await ready() and service._keeper._pose is not None):
+            await asyncio.sleep(0.05)
+        yield daemon, robot, service
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
+
+
+def moving(daemon: Any) -> bool:
+    return any(command["vx"] for command in daemon.commands)
+
+
+async def test_a_client_of_any_language_has_a_move_driven_and_cancels_it(served: Any) -> None:
+    daemon, robot, _ = served
+    begun = await robot.request(START, STRAIGHT)
+    assert begun.success, begun.message
+    name = begun.data["id"]
+    beat = json.dumps({"id": name}).encode()
+    for _ in range(600):
+        robot.bus.session.put(BEAT, beat)
+        await asyncio.sleep(0.02)
+        if moving(daemon):
+            break
+    assert moving(daemon)
+    assert all(command["source"] == "yahboomd moves" for command in daemon.commands)
+    progress = json.loads((await robot.ask(MOVES))[0])
+    assert (progress["id"], progress["state"], progress["by"]) == (name, "running", "a test")
+    assert (await robot.request(PAUSE, beat)).success
+    assert (await robot.request(RESUME)).success
+    assert (await robot.request(CANCEL, b"")).message == f"Moves {name} are cancelled."
+    await eventually(lambda: daemon.commands[-1]["vx"] == 0.0)
+    ended = json.loads((await robot.ask(MOVES))[0])
+    assert (ended["state"], ended["reason"]) == ("ended", "cancelled")
+    assert ended["stamp_ns"] > 1e18
+
+
+async def test_a_client_that_sends_no_beats_is_over_soon(served: Any) -> None:
+    _, robot, service = served
+    assert (await robot.request(START, STRAIGHT)).success
+    await eventually(lambda: service._keeper.last and service._keeper.last.state == "ended")
+    assert service._keeper.last.reason == "client_silent"
+
+
+async def test_a_token_that_goes_ends_the_moves(served: Any) -> None:
+    daemon, robot, service = served
+    async with connect(daemon.endpoint) as other:
+        seen: list[Any] = []
+        robot.bus.watch_tokens("yahboomd/moves/holder/*", seen.extend)
+        token = other.bus.session.liveliness().declare_token("yahboomd/moves/holder/tok")
+        request = json.loads(STRAIGHT) | {"holder": "tok"}
+        begun = await robot.request(START, json.dumps(request).encode())
+        beat = json.dumps({"id": begun.data["id"]}).encode()
+
+        async def beats() -> None:
+            while True:
+                robot.bus.session.put(BEAT, beat)
+                await asyncio.sleep(0.05)
+
+        beating = asyncio.create_task(beats())
+        await eventually(lambda: seen)
+        token.undeclare()
+        await eventually(lambda: service._keeper.last.state == "ended")
+        beating.cancel()
+        assert service._keeper.last.reason == "client_gone"
+
+
+@pytest.mark.parametrize(
+    ("payload", "words"),
+    [
+        (b"", "neither JSON nor MessagePack"),
+        (b"hello", "neither JSON nor MessagePack"),
+        (b"{", "cannot be read"),
+        (b'{"moves": []}', "cannot be read"),
+        (b'{"moves": [{"kind": "fly"}]}', "cannot be read"),
+        (b'{"moves": [{"kind": "straight", "distance_m": 1e9}]}', "cannot be read"),
+        (b'{"moves": [{"kind": "straight", "left_m": 1}]}', "mecanum"),
+        (b'{"moves": ' + b"[" * 10_000, "cannot be read"),
+        (b'{"moves": [{"kind": "turn"}], "pad": "' + b"x" * 70_000 + b'"}', ""),
+    ],
+)
+async def test_no_request_raises_or_moves_anything(served: Any, payload: bytes, words: str) -> None:
+    daemon, robot, _ = served
+    answer = await robot.request(START, payload)
+    assert not answer.success
+    assert words in answer.message
+    assert daemon.commands == []
+    assert not (await robot.request(CANCEL, payload or b"[")).success
+
+
+async def test_a_daemon_that_goes_ends_the_moves_and_they_do_not_go_on_when_it_is_back(
+    served: Any,
+) -> None:
+    daemon, robot, service = served
+    assert (await robot.request(START, STRAIGHT)).success
+    await daemon.stop()
+    await eventually(lambda: service._keeper.last.state == "ended")
+    await eventually(lambda: not service.robot.alive)
+    assert service._keeper.last.reason in {"daemon_lost", "client_silent"}
+    daemon.commands.clear()
+    await daemon.start()
+    await eventually(lambda: service._keeper.knows_base)
+    assert not moving(daemon)

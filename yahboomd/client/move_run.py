@@ -1,0 +1,287 @@
+"""Moves that are being driven for this client: asked for, kept alive, followed, ended."""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+from collections import deque
+from collections.abc import Sequence
+from typing import Protocol, Self
+
+import msgspec
+import zenoh
+
+from yahboomd.client.connection import MAX_BYTES
+from yahboomd.client.move_messages import (
+    BEAT,
+    BEAT_S,
+    CANCEL,
+    HOLDER,
+    MOST_MOVES,
+    MOVES,
+    PAUSE,
+    RESUME,
+    START,
+    Move,
+    MoveBeat,
+    MoveChoice,
+    MoveRequest,
+    MoveSample,
+    Reason,
+)
+from yahboomd.client.questions import Answer
+from yahboomd.client.streams import read_sample
+from yahboomd.core.bus.bus import Bus
+from yahboomd.core.bus.subscriptions import Arrival, Subscription
+from yahboomd.core.errors import NoDaemon, Refused, YahboomdError
+from yahboomd.core.messages.codecs import encode, encoding_name
+
+ASK_S = 3.0
+"""The longest wait for the answer to a start: the service may have to ask the daemon first."""
+
+SERVICE_S = 2.0
+"""Progress comes ten times a second; without any for this time, the service is gone."""
+
+KEPT = 64
+
+REMEDY = "Start it: `yahboomd moves`, or sudo systemctl enable --now yahboomd-moves."
+
+
+class MoveEnded(YahboomdError):
+    """The moves ended before their goal.
+
+    Attributes:
+        reason: The word for it, such as ``taken_over`` or ``blocked``; docs/moves.md has them all.
+    """
+
+    exit_code = 1
+
+    def __init__(self, reason: Reason | str, message: str) -> None:
+        super().__init__(message or f"The moves ended: {reason}.")
+        self.reason = reason
+
+
+class Asking(Protocol):
+    """What moves need of a robot."""
+
+    @property
+    def bus(self) -> Bus: ...
+
+    async def request(
+        self, key: str, payload: bytes = b"{}", *, timeout_s: float = 1.5
+    ) -> Answer: ...
+
+
+class MoveRun:
+    """Moves in a row: ``async with robot.moves(...) as run:``, made by ``AsyncRobot.moves``.
+
+    Entering asks for them; leaving ends them, if they are not over. An asynchronous iterator over
+    their progress, which ends with them. ``await run.finished()`` waits for the goal.
+    """
+
+    def __init__(
+        self,
+        robot: Asking,
+        moves: Sequence[Move],
+        *,
+        by: str = "",
+        uncertain_m: float | None = None,
+    ) -> None:
+        if not 1 <= len(moves) <= MOST_MOVES:
+            raise ValueError(f"1 to {MOST_MOVES} moves can be asked for at once, not {len(moves)}.")
+        self.id = ""
+        self.newest: MoveSample | None = None
+        self._robot = robot
+        self._holder = secrets.token_hex(8)
+        self._request = MoveRequest(
+            moves=tuple(moves), by=by or None, holder=self._holder, uncertain_m=uncertain_m
+        )
+        self._samples: deque[MoveSample] = deque(maxlen=KEPT)
+        self._came = asyncio.Event()
+        self._over = asyncio.Event()
+        self._beating: asyncio.Task[None] | None = None
+        self._token: zenoh.LivelinessToken | None = None
+        self._subscription: Subscription | None = None
+
+    # Begin and end.
+
+    async def __aenter__(self) -> Self:
+        await self.start()
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self.end()
+
+    async def start(self) -> None:
+        """Ask for the moves; what ``async with`` does.
+
+        Raises:
+            NoDaemon: No `yahboomd moves` answers.
+            Refused: It does not drive them; the message says why.
+        """
+        bus = self._robot.bus
+        self._token = bus.session.liveliness().declare_token(bus.key(f"{HOLDER}/{self._holder}"))
+        self._subscription = bus.subscribe(MOVES, self._receive, depth=KEPT, max_bytes=MAX_BYTES)
+        try:
+            self.id = await self._ask()
+        except BaseException:
+            self._release()
+            raise
+        for sample in [each for each in self._samples if each.id != self.id]:
+            self._samples.remove(sample)
+        self._beating = asyncio.create_task(self._beat(bus), name="client-moves")
+        self._look()
+
+    async def _ask(self) -> str:
+        answer = await self._robot.request(START, encode(self._request, "json"), timeout_s=ASK_S)
+        if not answer.answered:
+            raise NoDaemon("No `yahboomd moves` answers: nothing was driven.", remedy=REMEDY)
+        if not answer.success:
+            raise Refused(answer.message)
+        return str(answer.data.get("id", ""))
+
+    @property
+    def is_over(self) -> bool:
+        """Whether they have ended, or their service is gone."""
+        return self._over.is_set()
+
+    async def end(self) -> None:
+        """End the moves, if they are not over: the robot stops. Safe to call twice."""
+        if self._beating is None:
+            return
+        beating, self._beating = self._beating, None
+        beating.cancel()
+        # Whatever becomes of the request: without beats and token the moves end by themselves.
+        self._release_token()
+        try:
+            if not self._over.is_set():
+                await asyncio.shield(self._choose(CANCEL))
+        finally:
+            self._release()
+
+    def _release_token(self) -> None:
+        if self._token is not None:
+            self._token.undeclare()
+            self._token = None
+
+    def _release(self) -> None:
+        self._release_token()
+        if self._subscription is not None:
+            self._subscription.close()
+            self._subscription = None
+        self._over.set()
+        self._came.set()
+
+    async def _beat(self, bus: Bus) -> None:
+        key, payload = bus.key(BEAT), encode(MoveBeat(id=self.id), "json")
+        heard = asyncio.get_running_loop().time()
+        newest = self.newest
+        while not self._over.is_set():
+            bus.session.put(
+                key,
+                payload,
+                encoding=encoding_name(MoveBeat, "json"),
+                congestion_control=zenoh.CongestionControl.DROP,
+                priority=zenoh.Priority.REAL_TIME,
+                express=True,
+            )
+            await asyncio.sleep(BEAT_S)
+            now = asyncio.get_running_loop().time()
+            if self.newest is not newest:
+                newest, heard = self.newest, now
+            elif now - heard > SERVICE_S:
+                self._over.set()
+                self._came.set()
+
+    # While they are driven.
+
+    async def pause(self) -> None:
+        """Have the robot come to rest on its way; the moves go on with :meth:`resume`."""
+        await self._chosen(PAUSE)
+
+    async def resume(self) -> None:
+        """Go on."""
+        await self._chosen(RESUME)
+
+    async def _chosen(self, key: str) -> None:
+        answer = await self._choose(key)
+        if not answer.success:
+            raise Refused(answer.message)
+
+    async def _choose(self, key: str) -> Answer:
+        return await self._robot.request(key, encode(MoveChoice(id=self.id), "json"))
+
+    def __aiter__(self) -> Self:
+        return self
+
+    async def __anext__(self) -> MoveSample:
+        """The next progress; the last one has the reason of the end."""
+        while not self._samples:
+            if self._over.is_set():
+                raise StopAsyncIteration
+            self._came.clear()
+            await self._came.wait()
+        return self._samples.popleft()
+
+    async def finished(self) -> MoveSample:
+        """Wait for the end.
+
+        Returns:
+            The last progress, with the reason ``reached``.
+
+        Raises:
+            MoveEnded: They ended before the goal.
+            NoDaemon: `yahboomd moves` is gone.
+        """
+        await self._over.wait()
+        newest = self.newest
+        if newest is None or newest.state != "ended":
+            if self._beating is None:
+                raise MoveEnded("cancelled", "This program ended the moves.")
+            raise NoDaemon(
+                "`yahboomd moves` is gone: the robot stops by itself.",
+                remedy=REMEDY,
+            )
+        if newest.reason != "reached":
+            raise MoveEnded(newest.reason, newest.message)
+        return newest
+
+    def _receive(self, arrivals: list[Arrival]) -> None:
+        for arrival in arrivals:
+            sample = read_sample(arrival.payload, MoveSample)
+            if sample is not None and self.id in {"", sample.id}:
+                self._samples.append(sample)
+        if self.id:
+            self._look()
+
+    def _look(self) -> None:
+        if not self._samples:
+            return
+        self.newest = self._samples[-1]
+        if self.newest.state == "ended":
+            self._over.set()
+        self._came.set()
+
+
+async def driven(run: MoveRun) -> MoveSample:
+    """Drive moves to their goal, or end them with this task."""
+    async with run:
+        return await run.finished()
+
+
+def with_limits(move: Move, limits: dict[str, float]) -> Move:
+    """The move with these limits, such as ``speed_m_s``.
+
+    Raises:
+        TypeError: A move has no such limit.
+    """
+    for name in limits:
+        if name not in LIMITS:
+            raise TypeError(f"{name} is no limit of a move; these are: {', '.join(LIMITS)}.")
+    return msgspec.structs.replace(move, **limits)
+
+
+LIMITS = (
+    *("speed_m_s", "turn_rad_s", "acceleration_m_s2", "acceleration_rad_s2"),
+    *("jerk_m_s3", "jerk_rad_s3", "look_ahead_m", "corner_m"),
+)

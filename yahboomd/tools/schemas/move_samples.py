@@ -1,0 +1,75 @@
+"""The messages of `yahboomd moves`: a golden sample of each, and the keys that carry them."""
+
+from __future__ import annotations
+
+import msgspec
+
+from yahboomd.client import move_messages
+from yahboomd.client.move_messages import Move, MoveBeat, MoveChoice, MoveRequest, MoveSample
+from yahboomd.core.daemon.key_table import COMMAND, Input, Offer, Output
+from yahboomd.tools.schemas.samples import STAMP_NS
+
+ID = "5f1c09ab"
+
+SAMPLES: dict[str, msgspec.Struct] = {
+    type(message).__name__: message
+    for message in (
+        MoveRequest(
+            moves=(
+                Move(kind="straight", distance_m=1.0, speed_m_s=0.25),
+                Move(kind="turn", angle_rad=-1.5),
+                Move(kind="go_to", x=2.0, y=-1.5, theta=0.5, backward=True),
+                Move(kind="follow", points=((2.5, -1.5), (3.0, -1.0, 0.75))),
+            ),
+            by="my_app",
+            holder="my_app_17",
+        ),
+        MoveBeat(id=ID),
+        MoveChoice(id=ID),
+        MoveSample(
+            stamp_ns=STAMP_NS,
+            id=ID,
+            state="ended",
+            kind="turn",
+            index=1,
+            count=4,
+            done=0.375,
+            left_m=4.5,
+            left_rad=2.25,
+            left_s=17.5,
+            reason="taken_over",
+            message="cmd_vel/teleop has taken over.",
+            by="my_app",
+        ),
+    )
+}
+"""A golden sample of each message."""
+
+OUTPUTS = {
+    move_messages.MOVES: Output(
+        message=MoveSample, when="ten times a second while moves are driven, and at their end"
+    )
+}
+
+INPUTS = {
+    move_messages.SOURCE: COMMAND,
+    move_messages.BEAT: Input(
+        messages=(MoveBeat,),
+        ros_types=(),
+        does="shows that the client that asked for moves is there; 0.5 s without one ends them",
+    ),
+}
+
+OFFERS = {
+    move_messages.START: Offer(
+        request=MoveRequest,
+        does="has `yahboomd moves` drive moves; the reply's data has their `id`, and the `seconds` "
+        "that they take at least",
+    ),
+    move_messages.CANCEL: Offer(request=MoveChoice, does="ends moves; the robot stops"),
+    move_messages.PAUSE: Offer(
+        request=MoveChoice, does="has the robot come to rest on its way, until they are resumed"
+    ),
+    move_messages.RESUME: Offer(request=MoveChoice, does="has paused moves go on"),
+}
+"""The services of `yahboomd moves`, by key."""
