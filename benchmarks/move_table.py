@@ -289,11 +289,40 @@ def table(results: list[Result], plain: list[Result]) -> str:
     return "\n".join(lines)
 
 
+async def path(seed: int) -> tuple[tuple[tuple[float, ...], ...], list[Pose2d]]:
+    """A path that was asked for, and the true poses on it."""
+    chance = Random(seed)
+    with tempfile.TemporaryDirectory() as folder:
+        preset, lag_s = PRESETS[seed % len(PRESETS)], 0.05 + 0.025 * (seed % 11)
+        async with MoveBench(Path(folder), preset, lag_s, seed=seed) as bench:
+            await bench.ready()
+            await asyncio.sleep(0.3)
+            points = wave(chance, bench.heard.estimates[-1].pose)
+            drive = await bench.move([Move(kind="follow", points=points)])
+    return points, drive.path
+
+
+def draw(file: Path, seed: int) -> None:
+    """Draw ten paths over their truth."""
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(2, 5, figsize=(15, 6.4), constrained_layout=True)
+    for number, axis in enumerate(axes.flat):
+        points, poses = run_virtual(path(seed * 100 + number))
+        axis.plot([p[0] for p in points], [p[1] for p in points], "o", ms=3.5, color="#bbbbbb")
+        axis.plot([p.x for p in poses], [p.y for p in poses], lw=1.2, color="#1565c0")
+        axis.set_aspect("equal", "datalim")
+        axis.set_xlabel("m")
+    figure.suptitle("Asked for: grey points, 20 mm apart. Driven: the true way, blue.")
+    figure.savefig(file, dpi=80)
+
+
 def main() -> None:
     """The command."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.move_table", description=__doc__)
     parser.add_argument("--moves", type=int, default=400)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--picture", type=Path, help="draw ten paths over their truth")
     args = parser.parse_args()
     robots = max(len(KINDS), args.moves // EACH)
     with ProcessPoolExecutor(2) as pool:
@@ -302,6 +331,8 @@ def main() -> None:
             for plain in (False, True)
         ]
     print(table(both[0], both[1]))
+    if args.picture is not None:
+        draw(args.picture, args.seed)
 
 
 if __name__ == "__main__":

@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import daemon_samples
 import msgspec
 import pytest
 
+from benchmarks.move_bench import MoveBench
 from yahboomd.client.move_messages import SOURCE, Move, MoveRequest, MoveSample
 from yahboomd.core.config import read
-from yahboomd.core.messages.native import ImuSample, ServiceReply, TwistSample
+from yahboomd.core.messages.codecs import encode
+from yahboomd.core.messages.native import (
+    ImuSample,
+    ServiceReply,
+    TwistSample,
+    VelocityCommand,
+    pose_sample,
+)
 from yahboomd.core.model import Twist2d
 from yahboomd.moves.move_keeper import MoveKeeper
+from yahboomd.simulation.virtual_time import on_virtual_time
 from yahboomd.tools.schemas.samples import NATIVE
 
 STEP_NS = 20_000_000
@@ -342,3 +353,69 @@ def test_progress_is_published_while_they_are_driven(kept: Kept) -> None:
     count = len(kept.samples)
     kept.keeper.report()
     assert len(kept.samples) == count
+
+
+# Every way to lose the client, judged by the wheels.
+
+
+class Lossy(MoveBench):
+    """A simulated robot and a keeper, both of which may lose what they depend on."""
+
+    async def lose(self, loss: str, after_s: float) -> float:
+        """Drive, lose something, and return after how many seconds the wheels truly stand."""
+        keeper = MoveKeeper(
+            drive=lambda twist: self.payload(
+                encode(VelocityCommand(vx=twist.vx, vy=twist.vy, wz=twist.wz), "json"),
+                source=SOURCE,
+            ),
+            stop=lambda: self.command(source=SOURCE),
+            publish=lambda _: None,
+            name=lambda: "id1",
+        )
+        keeper.learn(self.config.resolved().as_data())
+        keeper.status(daemon_samples.status("standing", driver=None, why=""), 0)
+        begun_ns, lost_ns = self.clock.now_ns(), 0
+        moves = (Move(kind="straight", distance_m=3.0), Move(kind="turn", angle_rad=9.0))
+        asked = False
+        while True:
+            now_ns = self.clock.now_ns()
+            since_s = (now_ns - begun_ns) / 1e9
+            if not lost_ns and since_s >= after_s:
+                lost_ns = now_ns
+                if loss == "token":
+                    keeper.holder("me", present=False)
+                if loss == "cancel":
+                    keeper.choose("cancel", None)
+            lost = bool(lost_ns)
+            if not (lost and loss == "client") and round(since_s / 0.02) % 5 == 0:
+                keeper.beat("id1", now_ns)
+            if not (lost and loss == "service"):
+                estimate = self.heard.estimates[-1]
+                sample = pose_sample(
+                    estimate, stamp_ns=0, seq=1, frame_id="odom", child_frame_id="base_link"
+                )
+                keeper.pose(sample, now_ns)
+                if not asked:
+                    asked = keeper.start(
+                        MoveRequest(moves=moves, holder="me", by=None), now_ns
+                    ).success
+                    assert asked
+            if lost and self.standing:
+                return (self.clock.now_ns() - lost_ns) / 1e9
+            assert since_s < after_s + 3.0, "it drives on"
+            await asyncio.sleep(0.02)
+
+
+@pytest.mark.parametrize(
+    ("loss", "most_s"), [("client", 1.3), ("token", 0.8), ("cancel", 0.8), ("service", 1.1)]
+)
+@pytest.mark.parametrize("after_s", [1.0, 2.3, 5.1, 12.5])
+@on_virtual_time
+async def test_a_robot_stands_soon_after_its_client_is_lost(
+    tmp_path: Path, loss: str, most_s: float, after_s: float
+) -> None:
+    """In the middle of a way, and of a turn."""
+    async with Lossy(tmp_path) as bench:
+        await bench.ready()
+        await asyncio.sleep(0.3)
+        assert await bench.lose(loss, after_s) < most_s

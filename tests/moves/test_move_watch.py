@@ -10,7 +10,7 @@ from yahboomd.moves.motion.move_watch import MoveWatch
 STEP_NS = 20_000_000
 
 
-def drive(commanded: float, driven: float, *, turn: bool = False, steps: int = 200) -> bool:
+def drive(commanded: float, driven: float, *, turn: bool = False, steps: int = 300) -> bool:
     """Whether a base that is commanded one speed and drives another counts as blocked."""
     watch = MoveWatch()
     watch.command(Twist2d(wz=commanded) if turn else Twist2d(vx=commanded))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from yahboomd.core.model import Pose2d, Twist2d
 
-BLOCKED_S = 1.2
+BLOCKED_S = 2.0
 """Commanded for this time, with a way that counts, and hardly moved: the base is blocked."""
 
 LEAST_WAY_M = 0.02
