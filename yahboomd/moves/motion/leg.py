@@ -79,6 +79,11 @@ class MoveLeg:
         self._landed = False
         self._landing = Landing(tolerance, lag.rolls[axis])
 
+    @property
+    def lands(self) -> bool:
+        """Whether it only corrects what is left."""
+        return self._landed
+
     def left(self, pose: Pose2d) -> float:
         """The rest of the leg from a pose; negative behind its end."""
         raise NotImplementedError

@@ -127,7 +127,9 @@ class Mover:
         twist = self._next(pose, since_s)
         if twist is not None:
             self._lag.command(twist)
-            self.watch.command(twist)
+            # Pulses of a landing may move nothing: they are counted by the landing.
+            lands = self._leg is not None and self._leg.lands
+            self.watch.command(STANDSTILL if lands else twist)
         return twist
 
     def _next(self, pose: Pose2d, dt_s: float) -> Twist2d | None:
