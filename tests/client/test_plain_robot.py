@@ -47,7 +47,7 @@ async def test_a_program_drives_reads_and_stops_at_its_end(fake_daemon: Any) -> 
 
 
 def test_methods_have_the_arguments_and_docstrings_of_the_asyncio_form() -> None:
-    own = {"newest", "samples", "on", "close"}
+    own = {"newest", "samples", "on", "close", "moves"}
     shared = {
         name
         for name, method in inspect.getmembers(Robot, inspect.isfunction)
