@@ -21,7 +21,8 @@ from vendor_firmware import MOTORS, FirmwareStreamed
 from yahboomd.core.model import CHANNELS, NS_PER_S, Counts
 from yahboomd.simulation.board import NEVER
 from yahboomd.simulation.four_channel.flash import FlashContent, mm_s_per_tick
-from yahboomd.simulation.four_channel.streamed_board import CARRY_OUT_NS, PREPARE_NS, StreamedBoard
+from yahboomd.simulation.four_channel.page_write import PREPARE_NS
+from yahboomd.simulation.four_channel.streamed_board import CARRY_OUT_NS, StreamedBoard
 from yahboomd.simulation.options import PLAIN_GAIN, SimulationOptions
 from yahboomd.simulation.plant import SAG_V, Plant
 from yahboomd.simulation.speed_loop import SPEED_MAX, TICK_NS

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from yahboomd.simulation.four_channel.flash import FlashContent
-from yahboomd.simulation.four_channel.streamed_board import StreamedBoard, line_period_ns
+from yahboomd.simulation.four_channel.streamed_board import StreamedBoard
 from yahboomd.simulation.motors import FAULTS
 
 NOT_FOUND = b"fail,Command not found!\r\n"
@@ -282,11 +282,6 @@ def test_totals_arrive_at_the_rate_seen_on_boards(bench: MakeBench) -> None:
     desk = bench()
     desk.send(b"$upload:1,0,0#", 2.0)
     assert len(desk.totals()) / 2.0 == pytest.approx(407, rel=0.02)
-
-
-@pytest.mark.parametrize(("size", "rate"), [(16, 407), (32, 169), (44, 120), (56, 92)])
-def test_longer_lines_come_more_seldom(size: int, rate: int) -> None:
-    assert 1e9 / line_period_ns(size, 115200, "measured") == pytest.approx(rate, rel=0.02)
 
 
 def test_lines_can_follow_each_other_without_a_pause(bench: MakeBench) -> None:

@@ -23,7 +23,6 @@ from yahboomd.simulation.four_channel.flash import (
     SettingRefused,
     changed,
     confirmation,
-    cut_short,
     fields,
     is_erased,
     report,
@@ -32,6 +31,8 @@ from yahboomd.simulation.four_channel.flash import (
     whole,
 )
 from yahboomd.simulation.four_channel.mailbox import Mailbox
+from yahboomd.simulation.four_channel.page_write import PREPARE_NS, PageWrite
+from yahboomd.simulation.four_channel.text_times import line_period_ns, printing_ns, saying_ns
 from yahboomd.simulation.motors import PWM_MAX
 from yahboomd.simulation.options import SimulationOptions, StreamPace
 from yahboomd.simulation.plant import Plant
@@ -47,10 +48,6 @@ CARRY_OUT_NS = 100_000
 START_NS = 2_300_000
 """The time from a reset to the banner. How soon a processor's clocks run is assumed: 2 ms of it."""
 
-ERASE_NS = (20_000_000, 40_000_000, 30_000_000)
-FILL_NS = (43_000_000, 74_000_000, 55_650_000)
-"""The page of the flash is erased, the processor halted, then filled: least, most, typical."""
-
 GAINS = ("p", "i", "d")
 FIELDS = {
     b"mtype": ("motor_type",),
@@ -61,20 +58,8 @@ FIELDS = {
 }
 """What a command stores. The gains are obeyed after the reset, the others at once."""
 
-PREPARE_NS = 280_000
-"""The time before each erasure, in which interrupts still come."""
-
-HEADER_NS = 435_000
-VALUE_NS = 80_000
-"""The values follow a header in the page; most of the time goes into its empty rest."""
-
 LAST_WORDS = b"\r\nReset MCU\r"
 """The reset cuts its line's end off: the banner comes in the same line."""
-
-DIGIT_NS = 36_000
-COPIES = 2
-AHEAD = 2
-"""Each text goes to two ports in turn, and the last bytes of one leave while the other begins."""
 
 OFF_NS = 50_000_000
 """How long the supply is gone where it fails within a write."""
@@ -313,12 +298,7 @@ class StreamedBoard:
     def _say(self, data: bytes, now_ns: int, *, then: Callable[[int], None]) -> None:
         if data:
             self.emit(data, now_ns)
-        self._occupy(now_ns + self._said_ns(len(data)), then=then)
-
-    def _said_ns(self, size: int) -> int:
-        """How long a text occupies the main loop."""
-        copies = 1 if self._pace == "wire" else COPIES
-        return copies * transfer_ns(max(0, size - AHEAD), self._baud)
+        self._occupy(now_ns + saying_ns(len(data), self._baud, self._pace), then=then)
 
     def _resume(self, _now_ns: int) -> None:
         """Continue the main loop after what occupied it."""
@@ -414,7 +394,7 @@ class StreamedBoard:
 
     def _report(self, _args: bytes, now_ns: int) -> None:
         first, version, *numbers = report(self.flash, self.version).splitlines(keepends=True)
-        lines = [(first, 0), (version, 0), *((line, _printing_ns(line)) for line in numbers)]
+        lines = [(first, 0), (version, 0), *((line, printing_ns(line)) for line in numbers)]
 
         def say(at_ns: int) -> None:
             line, delay_ns = lines.pop(0)
@@ -425,7 +405,7 @@ class StreamedBoard:
     def _volts(self, _args: bytes, now_ns: int) -> None:
         volts = self._plant.volts if self._volts_seen is None else self._volts_seen
         text = f"$Battery:{min(MOST_VOLTS, volts):.1f}V#".encode()
-        self._answer(text, now_ns + _printing_ns(text))
+        self._answer(text, now_ns + printing_ns(text))
 
     def _set(self, name: bytes, args: bytes, now_ns: int) -> None:
         content = changed(self.flash, name, args)
@@ -476,13 +456,13 @@ class StreamedBoard:
             if index == len(names):
                 then(at_ns)
                 return
+            before = self.flash
             value = {names[index]: getattr(content, names[index])}
-            to_erase = not is_erased(self.flash, names[index])
-            self.flash = msgspec.structs.replace(self.flash, **value)
-            if not to_erase:
+            self.flash = msgspec.structs.replace(before, **value)
+            if is_erased(before, names[index]):
                 self._occupy(at_ns + PREPARE_NS, then=partial(write, index + 1))
                 return
-            self._write = page = PageWrite(self.flash, at_ns, self._random)
+            self._write = page = PageWrite(before, self.flash, at_ns, self._random)
             self._hold_tick()
             if index == fails:
                 self._occupy(page.some_moment_ns(self._random), then=self._lose_power)
@@ -493,56 +473,3 @@ class StreamedBoard:
 
     def _lose_power(self, now_ns: int) -> None:
         self.reset(now_ns, off_ns=OFF_NS, by_power=True)
-
-
-class PageWrite:
-    """The flash's one page, which is erased and filled with a content.
-
-    Attributes:
-        erased_ns: When it is empty, and the processor goes on.
-        filled_ns: When the write is done.
-    """
-
-    def __init__(self, content: FlashContent, now_ns: int, random: Random) -> None:
-        self._content = content
-        self._begin_ns = now_ns + PREPARE_NS
-        self.erased_ns = self._begin_ns + _duration_ns(ERASE_NS, random)
-        self.filled_ns = self.erased_ns + _duration_ns(FILL_NS, random)
-
-    def halts_until_ns(self, at_ns: int) -> int:
-        """When the processor goes on if it is halted at a moment, which is that moment if not."""
-        return self.erased_ns if self._begin_ns <= at_ns < self.erased_ns else at_ns
-
-    def left(self, at_ns: int) -> FlashContent:
-        """What the board has after a loss of power: what it is sold with if the page was empty."""
-        values_ns = at_ns - self.erased_ns - HEADER_NS
-        if values_ns < -HEADER_NS:
-            return FlashContent()
-        return cut_short(self._content, max(0, values_ns) // VALUE_NS)
-
-    def some_moment_ns(self, random: Random) -> int:
-        """A moment of the erasure, or of those in which values are written."""
-        value = random.randrange(-1, len(FlashContent.__struct_fields__))
-        return self.erased_ns - 1 if value < 0 else self.erased_ns + HEADER_NS + value * VALUE_NS
-
-
-def _printing_ns(text: bytes) -> int:
-    """The time that the numbers of a text take to be printed."""
-    return DIGIT_NS * sum(byte in b"0123456789" for byte in text)
-
-
-def _duration_ns(bounds_ns: tuple[int, int, int], random: Random) -> int:
-    least, most, typical = bounds_ns
-    return round(random.triangular(least, most, typical))
-
-
-def line_period_ns(size: int, baud: int, pace: StreamPace) -> int:
-    """The time from the start of a stream line to the next thing that the main loop does.
-
-    The rates seen on boards (407 lines a second of 16 bytes, 169 of 32, 120 of 44, 92 of 56) fit
-    0.2125 ms a byte less 0.95 ms at 115200 baud: about twice the transfer time.
-    """
-    wire_ns = transfer_ns(size, baud)
-    if pace == "wire":
-        return wire_ns
-    return max(wire_ns, (212_500 * size - 950_000) * 115200 // baud)

@@ -1,0 +1,58 @@
+"""A write of the four-channel board's flash: one page, which is erased and filled."""
+
+from __future__ import annotations
+
+from random import Random
+
+from yahboomd.simulation.four_channel.flash import FlashContent, cut_short
+
+PREPARE_NS = 280_000
+"""The time before an erasure, in which interrupts still come."""
+
+ERASE_NS = (20_000_000, 40_000_000, 30_000_000)
+FILL_NS = (43_000_000, 74_000_000, 55_650_000)
+"""The page is erased, the processor halted, then filled: least, most, typical."""
+
+HEADER_NS = 435_000
+VALUE_NS = 80_000
+"""The values follow a header in the page; most of the time goes into its empty rest."""
+
+
+class PageWrite:
+    """The flash's page on the way from one content to another.
+
+    Attributes:
+        erased_ns: When it is empty, and the processor goes on.
+        filled_ns: When the write is done.
+    """
+
+    def __init__(
+        self, before: FlashContent, content: FlashContent, now_ns: int, random: Random
+    ) -> None:
+        self._before = before
+        self._content = content
+        self._begin_ns = now_ns + PREPARE_NS
+        self.erased_ns = self._begin_ns + _duration_ns(ERASE_NS, random)
+        self.filled_ns = self.erased_ns + _duration_ns(FILL_NS, random)
+
+    def halts_until_ns(self, at_ns: int) -> int:
+        """When the processor goes on if it is halted at a moment, which is that moment if not."""
+        return self.erased_ns if self._begin_ns <= at_ns < self.erased_ns else at_ns
+
+    def left(self, at_ns: int) -> FlashContent:
+        """What the board has after a loss of power: what it is sold with if the page was empty."""
+        if at_ns < self._begin_ns:
+            return self._before
+        if at_ns < self.erased_ns:
+            return FlashContent()
+        return cut_short(self._content, max(0, at_ns - self.erased_ns - HEADER_NS) // VALUE_NS)
+
+    def some_moment_ns(self, random: Random) -> int:
+        """A moment of the erasure, or of those in which values are written."""
+        value = random.randrange(-1, len(FlashContent.__struct_fields__))
+        return self.erased_ns - 1 if value < 0 else self.erased_ns + HEADER_NS + value * VALUE_NS
+
+
+def _duration_ns(bounds_ns: tuple[int, int, int], random: Random) -> int:
+    least, most, typical = bounds_ns
+    return round(random.triangular(least, most, typical))
