@@ -8,14 +8,9 @@ import msgspec
 
 MS = 1_000_000
 
-# What a command occupies the board for, rounded up, if the flash takes its usual time.
-SETTLED_NS = {
-    b"flash_reset": 1000 * MS,
-    b"mpid": 380 * MS,
-    b"read_flash": 40 * MS,
-    **dict.fromkeys((b"mtype", b"deadzone", b"mline", b"mphase", b"wdiameter"), 120 * MS),
-}
-ANY_SETTLED_NS = 30 * MS
+SETTLED_NS = 30 * MS
+"""Longer than one pass of the board's main loop through all its streams, and any answer takes."""
+
 FATAL = 14
 LONGEST = 50
 
@@ -24,11 +19,13 @@ class Step(msgspec.Struct, frozen=True):
     """Bytes that follow each other, after a pause.
 
     Attributes:
+        settled: A write of the flash that has begun is waited for.
         power_fails: The board's supply fails for a moment behind them.
     """
 
     pause_ns: int
     data: bytes
+    settled: bool = False
     power_fails: bool = False
 
 
@@ -53,31 +50,27 @@ class Commands:
         steps: list[Step] = []
         if kind == "streams":
             digits = random.choice(("1,0,0", "1,1,0", "1,0,1", "1,1,1", "0,1,0", "0,0,1", "0,1,1"))
-            steps.append(self._after(b"", f"$upload:{digits}#".encode()))
+            steps.append(self._after(f"$upload:{digits}#".encode()))
         if kind in ("calm", "streams") and random.random() < 0.5:
-            steps.append(self._after(b"", self._valid(random.choice((b"spd", b"pwm")))))
-        last = steps[-1].data if steps else b""
+            steps.append(self._after(self._valid(random.choice((b"spd", b"pwm")))))
         for _ in range(random.randint(3, 10)):
             if kind == "flash":
                 # Whatever comes within a write.
                 writes = self._valid(random.choice((b"mline", b"deadzone", b"wdiameter", b"MPID")))
-                steps.append(self._after(last, writes))
+                steps.append(self._after(writes))
                 steps += [
                     Step(random.randrange(60 * MS), self.words(upload=False))
                     for _ in range(random.randint(1, 3))
                 ]
-                last = b"mpid"
                 continue
-            data = self.words(upload=kind == "streams")
-            steps.append(self._after(last, data))
-            last = data
+            steps.append(self._after(self.words(upload=kind == "streams")))
             if kind == "close":
-                for _ in range(random.randint(1, 3)):
-                    data = self.words(upload=False)
-                    steps.append(Step(random.randrange(4 * MS), data))
-                    last += data
+                steps += [
+                    Step(random.randrange(4 * MS), self.words(upload=False))
+                    for _ in range(random.randint(1, 3))
+                ]
         if kind == "power":
-            steps.append(self._after(last, self._valid(random.choice((b"mline", b"MPID", b"spd")))))
+            steps.append(self._after(self._valid(random.choice((b"mline", b"MPID", b"spd")))))
             steps.append(Step(random.randrange(100 * MS), b"", power_fails=True))
             steps.append(Step(50 * MS, b"$read_flash#"))
         if kind == "hang":
@@ -85,15 +78,11 @@ class Commands:
             numbers = b",".join(
                 b"%d" % random.randrange(10) for _ in range(random.randint(FATAL - 1, FATAL + 3))
             )
-            steps.append(self._after(last, b"$%s:%s#" % (name, numbers)))
+            steps.append(self._after(b"$%s:%s#" % (name, numbers)))
         return steps
 
-    def _after(self, last: bytes, data: bytes) -> Step:
-        wait_ns = max(
-            (pause for name, pause in SETTLED_NS.items() if name in last.lower()),
-            default=ANY_SETTLED_NS,
-        )
-        return Step(wait_ns + self._random.randrange(20 * MS), data)
+    def _after(self, data: bytes) -> Step:
+        return Step(SETTLED_NS + self._random.randrange(20 * MS), data, settled=True)
 
     def words(self, *, upload: bool) -> bytes:
         """One command, or what is left of it."""

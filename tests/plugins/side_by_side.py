@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from random import Random
 from typing import Any, TypeAlias
@@ -50,14 +50,19 @@ MISSED = 3
 """Counts that come while the firmware reads its timers. After a reset the emulator's timers, which
 go on, show up to a tick's counts more."""
 
+LONGEST_NS = 20_000 * MS
+"""The end of a block in which a board hangs with its wheels turning."""
+
 FEW = 20
 """Lines of streams: those of the epilogue."""
 
 EPILOGUE = (
-    Step(400 * MS, b"\n" * 64 + b"$upload:0,0,0#"),
+    Step(40 * MS, b"\n" * 64 + b"$upload:0,0,0#", settled=True),
     Step(40 * MS, b"$pwm:0,0,0,0#"),
     Step(40 * MS, b"$read_flash#"),
-    Step(1000 * MS, b"$upload:1,0,0#"),
+)
+LAST = (
+    Step(40 * MS, b"$upload:1,0,0#"),
     Step(12 * MS, b"$upload:0,0,0#"),
     Step(40 * MS, b""),
 )
@@ -281,14 +286,14 @@ class Comparison:
     def play(self, kind: str, steps: list[Step]) -> None:
         """Have both boards hear the same, then come to rest, and compare what they did."""
         start_ns = self._align()
-        frames = 0
-        for number, step in enumerate((*steps, *EPILOGUE)):
-            if number == len(steps):
-                frames = len(self._simulated.ended_ns)
-            self._run(self._now_ns + step.pause_ns)
-            self._send(step.data)
-            if step.power_fails:
-                self._fail_power()
+        self._hear(steps)
+        frames = len(self._simulated.ended_ns)
+        self._hear(EPILOGUE)
+        while not all(motor.at_rest for motor in self._plant.motors):
+            if self._now_ns - start_ns > LONGEST_NS:
+                break
+            self._run(self._now_ns + 20 * MS)
+        self._hear(LAST)
         self.counted["commands"] += len(steps)
         self.counted[f"commands, {kind}"] += len(steps)
         texts = [ear.take(start_ns) for ear in self._ears]
@@ -311,6 +316,17 @@ class Comparison:
         elif not any(STREAM.fullmatch(text.text) for text in texts[0][-1:]):
             self.counted["hung boards"] += 1
             self._start_over()
+
+    def _hear(self, steps: Iterable[Step]) -> None:
+        for step in steps:
+            self._run(self._now_ns + step.pause_ns)
+            if step.settled and self._simulated.writes:
+                while self._simulated.writes:
+                    self._run(self._now_ns + 5 * MS)
+                self._run(self._now_ns + 15 * MS)
+            self._send(step.data)
+            if step.power_fails:
+                self._fail_power()
 
     # Both boards on one time.
 

@@ -141,8 +141,8 @@ def test_trailing_tells_how_many_bytes_of_the_chunk_came_later():
         (b"\r$b:2#", {"bytes": 6, "frames": 1, "blank_bytes": 1}),
         (b"\xff\x00\x7f\n", {"bytes": 4, "lines": 1, "bad_bytes": 3}),
         (b"$" * 3, {"bytes": 3, "broken_frames": 2, "discarded_bytes": 2}),
-        (b"x" * 129 + b"y\n", {"bytes": 131, "overlong": 1, "discarded_bytes": 131}),
-        (b"x" * 129 + b"y#", {"bytes": 131, "overlong": 1, "discarded_bytes": 131}),
+        (b"x" * 161 + b"y\n", {"bytes": 163, "overlong": 1, "discarded_bytes": 163}),
+        (b"x" * 161 + b"y#", {"bytes": 163, "overlong": 1, "discarded_bytes": 163}),
         (
             b"$" + b"x" * 300 + b"$b:2#",
             {"bytes": 306, "frames": 1, "overlong": 1, "discarded_bytes": 301},

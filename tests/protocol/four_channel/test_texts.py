@@ -87,6 +87,7 @@ def test_a_number_that_the_flash_has_lost_is_none_and_equals_itself():
     assert math.isnan(i)
     assert math.isnan(d)
     assert math.isnan(decode_text("wheel_diameter:nan").value)
+    assert math.isnan(decode_text("wheel_diameter:-680564693277057680000000000.000").value)
 
 
 @pytest.mark.parametrize(

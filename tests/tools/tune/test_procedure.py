@@ -22,7 +22,7 @@ def writes(bench: TuningBench) -> list[bytes]:
 # Every motor from every start: `make tuning`.
 @pytest.mark.parametrize(
     ("profile", "start", "most_writes"),
-    [("310", "too soft, no dead zone stored", 2), ("tt", "oscillates", 2), ("r2", "too soft", 1)],
+    [("310", "too soft, no dead zone stored", 3), ("tt", "oscillates", 2), ("r2", "too soft", 1)],
 )
 @on_virtual_time
 async def test_gains_with_5_percent_of_overshoot_settle_30_percent_sooner(
@@ -91,7 +91,7 @@ async def test_without_agreement_nothing_is_saved_or_written() -> None:
 
 @on_virtual_time
 async def test_a_board_that_is_tuned_is_left_alone() -> None:
-    bench = TuningBench("520", "oscillates")
+    bench = TuningBench("520", "oscillates slowly")
     await bench.tune()
     again = bench.procedure()
     await again.examine()
@@ -143,7 +143,7 @@ async def test_steps_whose_readings_were_held_up_are_measured_again() -> None:
     await procedure.examine()
     await held
     assert bench.said.count("step 2 of 4: -0.40 m/s") == 2
-    assert procedure.result.wheels[0].before.overshoot == pytest.approx(0.55, abs=0.12)
+    assert procedure.result.wheels[0].before.overshoot == pytest.approx(0.35, abs=0.12)
 
 
 @on_virtual_time

@@ -49,7 +49,8 @@ async def test_all_that_a_loss_of_power_within_a_write_took_is_restored(
 ) -> None:
     bench, path = TuningBench(options={"seed": seed}), tmp_path / "board.json"
     board = bench.link.robot.board
-    before = board.flash
+    # An erased page leaves what the board was sold with.
+    before = board.flash = msgspec.structs.replace(board.flash, p=0.7)
     save(path, msgspec.structs.replace(WAS, settings=await stored(bench)))
     board.cut_writes = 1
     # As of a tuning that was killed at this moment.

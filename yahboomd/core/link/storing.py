@@ -12,7 +12,7 @@ from typing import Literal, TypeAlias
 
 import msgspec
 
-from yahboomd.core.clock import Clock, seconds
+from yahboomd.core.clock import Clock, seconds, sleep_until
 from yahboomd.core.errors import BoardError, BoardStoresNothing
 from yahboomd.core.link.conversation import Conversation
 from yahboomd.core.link.line import Line
@@ -134,10 +134,7 @@ async def _read(talk: Conversation, want: BoardSettings) -> BoardSettings:
 
 
 async def _store_one(
-    talk: Conversation,
-    clock: Clock,
-    write: SettingWrite,
-    want: BoardSettings,
+    talk: Conversation, clock: Clock, write: SettingWrite, want: BoardSettings
 ) -> tuple[StoringStep, BoardSettings]:
     start_ns = clock.now_ns()
     answer = ""
@@ -146,6 +143,8 @@ async def _store_one(
     while True:
         attempts += 1
         said: list[Decoded] = []
+        # A board says its settings twice, on two ports; lost gains make a long line of them.
+        await sleep_until(clock, clock.now_ns() + talk.dialect.spacing_ns)
         await talk.request(write.frame, _answers(write, said), write.timeout_s)
         answer = _words(said) or answer
         # Whatever it said: what it stores now is what counts.

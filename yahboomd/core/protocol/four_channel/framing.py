@@ -34,10 +34,10 @@ Firmware 1.7.3 takes ``$`` inside a frame as data and collects up to 51 bytes; 5
 least that overflow it (observed under emulation). The next command may follow at once.
 """
 
-MAX_HELD_BYTES: Final = 128
+MAX_HELD_BYTES: Final = 160
 """The most bytes that an unfinished frame or line may have.
 
-The longest true one is half a frame of totals (50 bytes) with a start-up banner glued to it (28).
+The longest true one has three gains that the flash has lost (144 bytes).
 """
 
 _STEERING = re.compile(rb"[$#\n]")

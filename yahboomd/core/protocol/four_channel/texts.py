@@ -37,13 +37,13 @@ _ACCEPTED = re.compile(r"(?:Set )?([A-Za-z_]+):OK!")
 # The firmware's own spelling.
 _SPELLING: Final = {"falsh_reset": "flash_reset"}
 
-# As printf writes a decimal number whose flash was erased and not written again. One object, so
-# that an answer equals the one before.
+# The firmware prints a decimal number whose flash was erased as -6.8e38, and stores none below 0.
+# One object, so that an answer equals the one before.
 _NO_NUMBER: Final = math.nan
 
 
 def _stored(text: str) -> float | None:
-    return _NO_NUMBER if text.removeprefix("-") == "nan" else decimal(text)
+    return _NO_NUMBER if text.startswith("-") or text == "nan" else decimal(text)
 
 
 _LABELLED = re.compile(r"([A-Za-z_]+):(\S+)")
