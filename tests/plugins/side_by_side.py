@@ -106,7 +106,8 @@ class Watched(StreamedBoard):
         ended_ns: When a frame ended.
         wiped_ns: When a command was done, and whatever frame had ended meanwhile was lost.
         near_calls: Writes that began so near an interrupt that either may have been the first, and
-            failures of the supply while values were written.
+            failures of the supply while values were written, and bytes that came when the processor
+            was just halted or went on.
         near_speeds: Speeds that came so near an interrupt.
     """
 
@@ -133,6 +134,9 @@ class Watched(StreamedBoard):
         self.run_due(now_ns)
         if byte == ord("#"):
             self.ended_ns.append(now_ns)
+        if (page := self._write) is not None:
+            edges = (abs(now_ns - edge_ns) for edge_ns in (page.begin_ns, page.erased_ns))
+            self.near_calls += min(edges) < RACE_NS
         super().receive(byte, now_ns)
 
     def _done(self, now_ns: int) -> None:

@@ -22,6 +22,7 @@ class PageWrite:
     """The flash's page on the way from one content to another.
 
     Attributes:
+        begin_ns: When the processor is halted.
         erased_ns: When it is empty, and the processor goes on.
         filled_ns: When the write is done.
     """
@@ -31,17 +32,17 @@ class PageWrite:
     ) -> None:
         self._before = before
         self._content = content
-        self._begin_ns = now_ns + PREPARE_NS
-        self.erased_ns = self._begin_ns + _duration_ns(ERASE_NS, random)
+        self.begin_ns = now_ns + PREPARE_NS
+        self.erased_ns = self.begin_ns + _duration_ns(ERASE_NS, random)
         self.filled_ns = self.erased_ns + _duration_ns(FILL_NS, random)
 
     def halts_until_ns(self, at_ns: int) -> int:
         """When the processor goes on if it is halted at a moment, which is that moment if not."""
-        return self.erased_ns if self._begin_ns <= at_ns < self.erased_ns else at_ns
+        return self.erased_ns if self.begin_ns <= at_ns < self.erased_ns else at_ns
 
     def left(self, at_ns: int) -> FlashContent:
         """What the board has after a loss of power: what it is sold with if the page was empty."""
-        if at_ns < self._begin_ns:
+        if at_ns < self.begin_ns:
             return self._before
         if at_ns < self.erased_ns:
             return FlashContent()
