@@ -57,7 +57,8 @@ FEW = 20
 """Lines of streams: those of the epilogue."""
 
 EPILOGUE = (
-    Step(40 * MS, b"\n" * 64 + b"$upload:0,0,0#", settled=True),
+    Step(40 * MS, b"\n" * 64, settled=True),
+    Step(40 * MS, b"$upload:0,0,0#"),
     Step(40 * MS, b"$pwm:0,0,0,0#"),
     Step(40 * MS, b"$read_flash#"),
 )
