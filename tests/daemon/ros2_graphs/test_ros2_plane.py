@@ -183,6 +183,41 @@ def test_what_ros_asks_is_answered_in_cdr(
         app.in_state(state)
 
 
+def test_natively_the_estop_answers_to_the_names_of_other_bases(
+    run: Callable[..., RealRobot], client: Callable[..., Client], oracle: Oracle
+) -> None:
+    robot = run("ros2.rmw_zenoh=true", "zenoh.namespace=bot1")
+    app = client("client", robot.endpoint, "bot1/yahboomd")
+    app.in_state("standing")
+    graph = Graph(app.session)
+    asked = ros2.attachment(5, 1, bytes(range(16)))
+    for name, request, state in (
+        # The zero byte of an empty request is the false of a SetBool, which is refused.
+        ("e_stop_trigger", cdr.trigger_request(), "estopped"),
+        ("e_stop_trigger", cdr.HEADER_LE, "estopped"),
+        ("e_stop_reset", cdr.trigger_request(), "standing"),
+    ):
+        answer = graph.ask(native_key(f"bot1/{name}", ros2.TRIGGER), request, asked)
+        reply = oracle.decode(f"{ros2.TRIGGER}_Response", answer.payload.to_bytes())
+        assert reply["success"] is True
+        app.in_state(state)
+
+
+def test_twenty_presses_are_one_event_and_so_one_black_box(
+    run: Callable[..., RealRobot], client: Callable[..., Client]
+) -> None:
+    robot = run()
+    app = client("client", robot.endpoint)
+    app.in_state("standing")
+    for _ in range(20):
+        app.session.put("yahboomd/estop", cdr.boolean(True))
+        app.in_state("estopped")
+    wait_for(lambda: app.latest("status")["command"]["estops"] == 20, "all of them")
+    robot.daemon.says("The black box was saved")
+    kinds = [event["kind"] for event in app.samples["events"]]
+    assert kinds.count("estop") == 1
+
+
 def test_the_estop_is_a_topic_too_and_a_button_that_is_not_pressed_changes_nothing(
     run: Callable[..., RealRobot], client: Callable[..., Client], oracle: Oracle
 ) -> None:

@@ -105,7 +105,6 @@ class Ring:
         return True
 
     def _turn(self) -> None:
-        """Begin the next segment: the oldest one is lost."""
         start = self._begin + self._number % self._count * self._segment_bytes
         self._store(b"\0", start)
         self._store(self._zeros, start)

@@ -105,5 +105,4 @@ class AlarmSubscriber:
 
 
 def _counting(inbox: Inbox, count: Callable[[int], None]) -> SampleLane[None]:
-    """A lane of which only the number of entries matters."""
     return inbox.lane(lambda batch, merged: count(len(batch) + merged), depth=1)

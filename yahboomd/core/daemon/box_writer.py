@@ -229,7 +229,6 @@ class BoxWriter:
         return outcome
 
     def _damaged(self, path: Path, words: str) -> BoxOutcome:
-        """Set aside what cannot be saved: no later start meets it again."""
         set_aside(path)
         self.failures += 1
         log.warning(

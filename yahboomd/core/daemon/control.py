@@ -207,7 +207,6 @@ class Controller:
             self._stand(now_ns, at_once=True)
 
     def _look(self, now_ns: int) -> None:
-        """Wait for the board where the wheels are no longer seen."""
         if (
             now_ns - self._seen_ns > nanoseconds(self._blind_s)
             and self._wheels.attached

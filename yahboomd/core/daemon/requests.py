@@ -276,7 +276,8 @@ class Services:
                 request, ServiceReply(success=False, message=_refusal(reason, request))
             ),
             wildcards=OFFERS[key].wildcards,
-            harmless=partial(is_release_attempt, query=True) if estop else None,
+            # A Trigger has no data, so it asks for no release.
+            harmless=partial(is_release_attempt, query="Trigger_" not in at) if estop else None,
             # A client that names no target reaches one service that is complete, or all that are
             # not: two daemons on one key must both stop. rmw_zenoh asks only complete ones.
             complete=not estop or bool(at),

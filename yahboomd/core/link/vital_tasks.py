@@ -58,7 +58,6 @@ class VitalTasks:
 
 
 def _cause(group: BaseExceptionGroup[BaseException]) -> BaseException:
-    """The error from which the others follow."""
     known, unknown = group.split(YahboomdError)
     error: BaseException = unknown or known or group
     while isinstance(error, BaseExceptionGroup):

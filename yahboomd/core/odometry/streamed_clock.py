@@ -130,7 +130,6 @@ class StreamedClock:
         return self._arrivals.steady
 
     def _arrive(self, reading: EncoderReading) -> float:
-        """Take in an arrival, once; when the line left."""
         assert self._base_ns is not None
         if self._arrived:
             self._arrived = False

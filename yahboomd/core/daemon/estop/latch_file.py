@@ -130,7 +130,6 @@ def engaged_in(folder: Path, port: str) -> Path | None:
 
 
 def _may_be(one: str, other: str) -> bool:
-    """Whether two configured ports may be the same board's."""
     if not one or not other:
         return not _simulated(one or other)
     if _simulated(one) or _simulated(other):

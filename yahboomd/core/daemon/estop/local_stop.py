@@ -325,6 +325,5 @@ def _user(peer: Peer) -> str:
 
 
 def _send(sock: socket.socket, **facts: object) -> None:
-    """One line; it fits into what the kernel keeps for a reader."""
     with contextlib.suppress(OSError):
         sock.send(json.dumps(facts).encode() + b"\n", socket.MSG_NOSIGNAL)

@@ -35,6 +35,9 @@ yesterday must not stop the robot again whenever the bridge restarts."""
 SERVICES = {key: offer.ros_type for key, offer in OFFERS.items() if offer.ros_type}
 """The services whose requests ROS 2 has types for."""
 
+USUAL_NAMES = {"e_stop_trigger": keys.ESTOP, "e_stop_reset": keys.ESTOP_RESET}
+"""The e-stop's services at other bases; natively both are here as well, as a Trigger."""
+
 Handler = Callable[[list[Arrival]], None]
 
 
@@ -74,6 +77,10 @@ def start(
         outlets = tuple(way.publisher(topic, ros_type, qos) for way in ways)
         return Spread(outlets, outlets[:1] if bridge is not None else ())
 
+    def serve(way: NativeWay, name: str, key: str, ros_type: str) -> None:
+        action = services.actions[key]
+        way.service(name, ros_type, lambda at, as_: services.offer(bus, key, action, as_, at=at))
+
     # Services and commands come before samples: the e-stop first. As a topic besides, because the
     # bridge drops the service calls of rmw_fastrtps, the default of ROS 2.
     if bridge is not None:
@@ -84,8 +91,10 @@ def start(
         if bridge is not None:
             bridge.service(key, ros_type)
         if native is not None:
-            _serve(bus, native, services, key)
+            serve(native, key, key, ros_type)
     if native is not None:
+        for name, key in USUAL_NAMES.items():
+            serve(native, name, key, ros2.TRIGGER)
         native.parameters(parameter_server(config, meanings))
     types = TypeWatch(bus)
     for source in filter(is_ros_name, config.command.sources):
@@ -135,12 +144,4 @@ def _placed(prefix: str, transform: StaticTransform) -> Placed:
         child=prefix + transform.child,
         position_m=(transform.x, transform.y, transform.z),
         rotation=planar.rotation(transform.roll, transform.pitch, transform.yaw),
-    )
-
-
-def _serve(bus: Bus, native: NativeWay, services: Services, key: str) -> None:
-    native.service(
-        key,
-        SERVICES[key],
-        lambda at, answer: services.offer(bus, key, services.actions[key], answer, at=at),
     )
