@@ -77,3 +77,24 @@ def test_a_base_that_does_not_obey_pulses_is_given_up() -> None:
         pulses += speed > 0.0 and before == 0.0
         before = speed
     assert pulses == PULSES
+
+
+def test_pulses_that_move_nothing_add_up_and_what_they_took_is_learned() -> None:
+    """As of a motor that needs more than its board adds: the loop keeps what it was given."""
+    learned = RollOn(landing=0.001, same=0.0, other=0.002, most=0.04)
+    landing = Landing(TOLERANCE, learned)
+    left, way, given, needs = -0.004, 1.0, 0.0, 0.02
+    for _ in range(1000):
+        speed = landing.step(left, 0.0, DT_S)
+        if speed is None:
+            break
+        if speed:
+            sign = 1.0 if speed > 0.0 else -1.0
+            if sign != way:
+                way, given = sign, 0.0
+            given += abs(speed) * DT_S
+        elif given > needs:
+            left -= way * (given - needs)
+            given = needs
+    assert abs(left) <= TOLERANCE.end
+    assert learned.other == pytest.approx(0.011, abs=0.004), "half way from what it knew"

@@ -220,4 +220,4 @@ def in_base(dx: float, dy: float, theta: float) -> tuple[float, float]:
 
 
 def _roll(first: float) -> RollOn:
-    return RollOn(landing=first, same=0.2 * first, other=first, most=5.0 * first)
+    return RollOn(landing=first, same=0.2 * first, other=first, most=40.0 * first)

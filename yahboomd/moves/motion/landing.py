@@ -11,13 +11,13 @@ import math
 
 import msgspec
 
-PULSES = 5
+PULSES = 12
 """Corrections, before the leg ends where the base stands."""
 
 STANDS_S = 0.12
 """A base that did not move for this time stands."""
 
-LONGEST_S = 6.0
+LONGEST_S = 8.0
 """A landing that takes longer ends where the base is."""
 
 LEARNS = 0.5
@@ -72,6 +72,9 @@ class Landing:
         self._since_s = 0.0
         self._way = 1.0
         self._pulse_left = 0.0
+        # Since the direction changed, without a motion.
+        self._spent = 0.0
+        self._began_at = 0.0
         self._kind = "landing"
 
     def step(self, left: float, rolling: float, dt_s: float) -> float | None:
@@ -94,16 +97,25 @@ class Landing:
         if self._rests_s < STANDS_S:
             return 0.0
         end = self._tolerance.end
-        # A little short is better than a little too far.
-        error = 0.3 * end - left if self._kind == "landing" else self._way * left
-        self._rolls.learn(self._kind, error)
+        if self._kind == "landing":
+            # A little short is better than a little too far.
+            self._rolls.learn("landing", 0.3 * end - left)
+        elif self._way * (self._began_at - left) > still:
+            lost = self._spent - self._way * (self._began_at - left)
+            self._rolls.learn(self._kind, lost - getattr(self._rolls, self._kind))
+            self._kind, self._spent = "same", 0.0
         if abs(left) <= end or self._pulses >= PULSES:
             return None
         self._pulses += 1
         way = math.copysign(1.0, left)
-        self._kind = "same" if way == self._way else "other"
-        self._way = way
-        self._pulse_left = abs(left) + getattr(self._rolls, self._kind)
+        if way != self._way or self._kind == "landing":
+            self._kind = "same" if way == self._way else "other"
+            self._spent = 0.0
+        self._way, self._began_at = way, left
+        # What earlier pulses lost does not have to be spent again.
+        lost = max(0.0, getattr(self._rolls, self._kind) - self._spent)
+        self._pulse_left = abs(left) + lost
+        self._spent += self._pulse_left
         return self._pulse(dt_s)
 
     def _pulse(self, dt_s: float) -> float:
