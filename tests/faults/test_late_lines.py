@@ -66,9 +66,14 @@ class LateBench(FaultBench):
         """By how much a twist is too fast."""
         return abs(estimate.twist.vx) - abs(self.true_at(estimate).vx)
 
-    def beyond_m_s(self, estimate: OdometryEstimate, window_ns: int) -> float:
-        """By how much a twist is slower or faster than anything in the window before its stamp."""
-        times = range(estimate.stamp_ns - window_ns, estimate.stamp_ns + 1, 10_000_000)
+    def beyond_m_s(self, estimate: OdometryEstimate, window_ns: int, *, early_ns: int = 0) -> float:
+        """By how much a twist is slower or faster than anything in the window before its stamp.
+
+        Args:
+            early_ns: How much earlier than its counts the stamp may be.
+        """
+        end_ns = estimate.stamp_ns + early_ns
+        times = range(estimate.stamp_ns - window_ns, end_ns + 1, 10_000_000)
         true = [self.true_at_ns(at_ns).vx for at_ns in times]
         return max(estimate.twist.vx - max(true), min(true) - estimate.twist.vx)
 
@@ -209,7 +214,8 @@ async def test_a_pause_costs_no_travel_though_the_kernel_dropped_the_newest_line
         assert "odometry_discontinuity" not in bench.heard.kinds
         assert not ALARMS & set(bench.heard.kinds)
         for estimate in bench.heard.estimates[before:-2]:
-            off = bench.beyond_m_s(estimate, 130_000_000)
+            # The first stamps behind a pause may be two ticks early, and wheels brake hard then.
+            off = bench.beyond_m_s(estimate, 130_000_000, early_ns=20_000_000)
             assert off < 0.03 + 3.0 * math.sqrt(estimate.twist_covariance[0])
 
 
