@@ -23,6 +23,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from itertools import takewhile
 from typing import Any
 
 os.environ["ROS_DOMAIN_ID"] = sys.argv[1]
@@ -245,8 +246,8 @@ def main() -> None:
             orders.put(json.loads(line))
         orders.put(None)
 
-    rclpy.init()
-    node = Node(sys.argv[2:] or [""])
+    rclpy.init(args=sys.argv)
+    node = Node(list(takewhile("--ros-args".__ne__, sys.argv[2:])) or [""])
     threading.Thread(target=listen, daemon=True).start()
     say(event="ready", middleware=rclpy.get_rmw_implementation_identifier())
     while True:

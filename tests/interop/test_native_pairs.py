@@ -7,6 +7,7 @@ rmw_zenoh_cpp, if YAHBOOMD_RMW_ZENOH_PYTHON names an interpreter that has it.
 from __future__ import annotations
 
 import os
+import subprocess
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -74,6 +75,12 @@ def connections_out(robot: RealRobot) -> list[str]:
     ]
 
 
+def remaps(namespace: str) -> list[str]:
+    """The absolute topics of ros_node.py, in a robot's namespace."""
+    names = ("/odom", "/estopped", "/tf", "/tf_static", "/cmd_vel", "/yahboomd/estop")
+    return [part for name in names for part in ("-r", f"{name}:=/{namespace}{name}")]
+
+
 def hears(listener: Peer, talker: Peer, text: str) -> None:
     """The one hears what the other says, if it says it often enough to be found."""
 
@@ -127,3 +134,66 @@ def test_drive_and_estop_beside_nodes_that_come_and_go(natively, start, client):
         onlooker.in_state("standing")
     # It knows every node that is there, and has joined none of them.
     assert connections_out(natively) == []
+
+
+def ros2(endpoint: str, *words: str) -> str:
+    """What a command of ros2cli prints, asked without its daemon."""
+    python = os.environ.get("YAHBOOMD_RMW_ZENOH_PYTHON")
+    if not python or subprocess.run([python, "-c", "import ros2cli"], check=False).returncode:
+        pytest.skip("no ros2cli on rmw_zenoh_cpp: YAHBOOMD_RMW_ZENOH_PYTHON names what has it")
+    override = f'connect/endpoints=["{endpoint}"]'
+    environment = {
+        **os.environ,
+        "RMW_IMPLEMENTATION": "rmw_zenoh_cpp",
+        "ROS_DOMAIN_ID": "0",
+        "ZENOH_CONFIG_OVERRIDE": override,
+        "ZENOH_ROUTER_CHECK_ATTEMPTS": "-1",
+    }
+    run = "import sys; from ros2cli.cli import main; sys.exit(main())"
+    done = subprocess.run(
+        [python, "-c", run, *words], env=environment, check=False, capture_output=True, text=True,
+        timeout=60,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_the_commands_of_ros2cli_see_and_stop_the_robot(natively, client):
+    at = natively.endpoint
+    onlooker: Client = client("client", at)
+    onlooker.in_state("standing")
+    assert "/yahboomd" in ros2(at, "node", "list", "--no-daemon").split()
+    topics = ros2(at, "topic", "list", "--no-daemon").split()
+    assert {"/odom", "/tf", "/cmd_vel", "/estopped"} <= set(topics)
+    services = ros2(at, "service", "list", "--no-daemon").split()
+    assert {"/yahboomd/estop", "/e_stop_trigger", "/e_stop_reset"} <= set(services)
+    assert "command.timeout_s" in ros2(at, "param", "list", "--no-daemon", "/yahboomd")
+    value = ros2(at, "param", "get", "--no-daemon", "/yahboomd", "command.timeout_s")
+    assert "Double value is: 0.5" in value
+    called = ros2(at, "service", "call", "/e_stop_trigger", "std_srvs/srv/Trigger")
+    assert "success=True" in called
+    onlooker.in_state("estopped")
+
+
+def test_transforms_of_two_robots_do_not_mix(real_robot, start):
+    """As ROS 2 hears them, in one graph: the first robot is the router, the second joins it."""
+    one = real_robot(run=[*NATIVE, "--set", "zenoh.namespace=bot1"])
+    two = real_robot(
+        run=[*NATIVE, "--set", "zenoh.namespace=bot2", "--set", f'zenoh.connect=["{one.endpoint}"]']
+    )
+    for each in (one, two):
+        each.daemon.says("Connected")
+    command = rclpy(one.endpoint, "onlooker")
+    nodes = {
+        name: start([*command[:-2], "", "tf2_ros", "--ros-args", *remaps(name)])
+        for name in ("bot1", "bot2")
+    }
+    nodes["bot1"].order("drive", vx=0.2, hz=20)
+
+    def x_of(name: str) -> float:
+        (transform,) = nodes[name].message("/tf")["transforms"]
+        return float(transform["transform"]["translation"]["x"])
+
+    wait_for(lambda: x_of("bot1") > 0.05, "the first robot to drive in its own transforms")
+    assert x_of("bot2") == 0.0
+    assert two.travelled_m() == 0.0

@@ -213,7 +213,7 @@ def test_twenty_presses_are_one_event_and_so_one_black_box(
         app.session.put("yahboomd/estop", cdr.boolean(True))
         app.in_state("estopped")
     wait_for(lambda: app.latest("status")["command"]["estops"] == 20, "all of them")
-    robot.daemon.says("The black box was saved")
+    wait_for(lambda: app.samples.get("events"), "the event")
     kinds = [event["kind"] for event in app.samples["events"]]
     assert kinds.count("estop") == 1
 
