@@ -82,7 +82,11 @@ class Commands:
         return steps
 
     def _after(self, data: bytes) -> Step:
-        return Step(SETTLED_NS + self._random.randrange(20 * MS), data, settled=True)
+        pause_ns = SETTLED_NS + self._random.randrange(20 * MS)
+        if self._random.random() < 0.05:
+            # Long enough for speed loops to reach their limits.
+            pause_ns += 1500 * MS
+        return Step(pause_ns, data, settled=True)
 
     def words(self, *, upload: bool) -> bytes:
         """One command, or what is left of it."""

@@ -302,7 +302,7 @@ class Comparison:
         self.counted["commands"] += len(steps)
         self.counted[f"commands, {kind}"] += len(steps)
         texts = [ear.take(start_ns) for ear in self._ears]
-        streams = sum(bool(STREAM.fullmatch(text.text)) for text in texts[0]) > FEW
+        streams = _stream(texts[0])
         if self._simulated.close_calls(frames, PASS_NS if streams else 0):
             self.counted["blocks that a close call left unjudged"] += 1
             self._start_over()
@@ -422,7 +422,7 @@ class Comparison:
             [text for text in texts if STREAM.fullmatch(text.text)]
             for texts in (firmware, simulated)
         ]
-        streams = len(lines[0]) > FEW
+        streams = _stream(firmware)
         said = [
             [text for text in texts if not STREAM.fullmatch(text.text)]
             for texts in (firmware, simulated)
@@ -487,6 +487,12 @@ class Comparison:
                 around = slice(max(0, k - 5), k + 6)
                 return f"output {wheel} at {k}", str(one[around]), str(other[around])
         return None
+
+
+def _stream(texts: list[Text]) -> bool:
+    """Whether lines streamed, apart from those of the last question."""
+    lines = [text.text for text in texts if STREAM.fullmatch(text.text)]
+    return len(lines) > FEW or any("$MAll" not in line for line in lines)
 
 
 def _texts_differ(one: list[Text], other: list[Text], late_ns: int) -> Parting | None:
