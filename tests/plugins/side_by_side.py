@@ -466,7 +466,8 @@ class Comparison:
         other = [sample.simulated[wheel] for sample in self._samples]
         held_up = False
         # An interrupt more or less adds to the output or not.
-        ticks = 1 if shift > 1 or self._simulated.near_speeds else 0
+        writes = any(sample.writes for sample in self._samples)
+        ticks = 1 if shift > 1 or self._simulated.near_speeds or writes else 0
         for k in range(shift, len(one) - shift):
             self.counted["outputs"] += 1
             # A write holds interrupts up: one finds as many counts more as it is late, and some
