@@ -37,7 +37,8 @@ def main() -> int:
     if importlib.util.find_spec("unicorn") is None:
         lacking = "unicorn, the emulator, is not installed here"
     seed = os.environ.get("YAHBOOMD_SEED") or str(random.randrange(10_000, 1_000_000))
-    call = [sys.executable, "-m", "pytest", "tests/firmware", "-q", *sys.argv[1:]]
+    lanes = str(os.cpu_count() or 1)
+    call = [sys.executable, "-m", "pytest", "tests/firmware", "-q", "-n", lanes, *sys.argv[1:]]
     ended = subprocess.call(call, cwd=TREE, env={**os.environ, "YAHBOOMD_SEED": seed})
     if not lacking:
         print(

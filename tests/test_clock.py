@@ -12,7 +12,6 @@ import pytest
 
 from yahboomd.core.clock import (
     Clock,
-    LoopClock,
     Pause,
     PauseWatch,
     Schedule,
@@ -21,7 +20,7 @@ from yahboomd.core.clock import (
     seconds,
     sleep_until,
 )
-from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 
 CLOCKS = [SystemClock, LoopClock]
 

@@ -30,8 +30,9 @@ from benchmarks.soak.schedule import (
     segments,
 )
 from yahboomd.core.blackbox.box_file import read_box
-from yahboomd.core.blackbox.saved_boxes import BYTES_MOST, FILES_MOST, box_bytes, saved_boxes
+from yahboomd.core.blackbox.saved_boxes import BYTES_MOST, FILES_MOST, saved_boxes
 from yahboomd.core.errors import YahboomdError
+from yahboomd.tools.blackbox.box_places import box_bytes
 
 RSS_GROWTH_MB = 30.0
 
