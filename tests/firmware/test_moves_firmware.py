@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+import os
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +19,11 @@ pytestmark = ON_THE_FIRMWARE
 
 
 FIT = [name for name, motor in MOTORS.items() if motor["motor_dead_zone"] < 1650]
+TRIED = FIT if os.environ.get("YAHBOOMD_FIRMWARE_LONG") else FIT[:1]
 """Motors that turn at what the firmware is set to; others need more at low speeds than it gives."""
 
 
-@pytest.mark.parametrize("motor", FIT)
+@pytest.mark.parametrize("motor", TRIED)
 @on_virtual_time
 async def test_moves_end_where_they_should(tmp_path: Path, motor: str) -> None:
     simulation: dict[str, Any] = {"rated_volts": 7.4, "battery_volts": 7.4, **MOTORS[motor]}
