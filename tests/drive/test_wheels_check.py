@@ -89,6 +89,20 @@ def test_a_wheel_without_counts_has_no_longer_where_the_others_start_at_once(
     assert found == {"left": pytest.approx(accused_mm, abs=2)}
 
 
+def test_stiff_motors_that_turn_round_may_take_twice_that_way() -> None:
+    check = WheelsCheck(["left", "right"], latency_s=0.0)
+    check.command(0, [-0.17, -0.17])
+    for n in range(100):
+        check.measure(n * 10 * MS, [-0.17, -0.17], [-10, -10])
+    check.command(S, [0.0, 0.0])
+    check.measure(1010 * MS, [0.0, 0.0], [0, 0])
+    check.command(1010 * MS, [0.17, 0.17])
+    silent_ms = next(
+        n * 10 for n in range(1, 200) if check.measure((1010 + n * 10) * MS, [0.0] * 2, [0] * 2)
+    )
+    assert 126 <= 0.17 * silent_ms <= 131
+
+
 def test_a_wheel_that_counted_before_is_not_slow_to_start() -> None:
     check = WheelsCheck(["left", "right"], latency_s=0.0)
     check.command(0, [0.1, 0.1])

@@ -308,9 +308,8 @@ class MotorWatch:
             slow = [each.start_m is None or each.start_m >= SLOW_M for each in others]
             slow_start_m = SLOW_START_M if all(slow) else 0.0
         times = TURNING_ROUND if self._rolled * steady < 0.0 else 1
-        proven = self._silent_ns >= times * NO_COUNTS_NS and self._silent_m >= max(
-            times * NO_COUNTS_M, slow_start_m
-        )
+        least_m = times * max(NO_COUNTS_M, slow_start_m)
+        proven = self._silent_ns >= times * NO_COUNTS_NS and self._silent_m >= least_m
         times = TURNING_ROUND if self._rolled * self._owed_signed_m < 0.0 else 1
         crawled = False
         for least_ns, way_m in CRAWL_NO_COUNTS:
