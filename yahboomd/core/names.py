@@ -88,6 +88,7 @@ def is_local(endpoint: str) -> bool:
 
 
 def source_words(key: str | None) -> str:
+    """A source of commands at the beginning of a sentence for people."""
     return "The page" if key == PAGE_SOURCE else str(key)
 
 

@@ -88,6 +88,7 @@ class Daemon:
 
     @property
     def fatal_signal(self) -> int | None:
+        """The signal that ended it, where that asks for more than an orderly end."""
         return self._signals.fatal
 
     async def run(self) -> None:

@@ -228,6 +228,7 @@ class Wheels:
             self._stop_watch.cancel()
 
     def release(self, now_ns: int) -> None:
+        """Release the motors, and repeat that until the wheels are to turn."""
         self._released = True
         self._rest.free = False
         self.command_m_s = self.zeros
@@ -236,6 +237,7 @@ class Wheels:
             self._board.release()
 
     def cut(self, now_ns: int) -> None:
+        """Release the motors before everything else."""
         if self._board is not None:
             self._board.cut()
         self._counters["cuts"] += 1

@@ -185,6 +185,7 @@ class Line:
             await undisturbed(self._leave())
 
     def overhear(self) -> None:
+        """Listen, and leave stop and port to the caller."""
         self.port.listen(self._data, lambda _: None)
 
     def understand(self, dialect: Dialect, *, spacing_ns: int) -> None:

@@ -133,6 +133,7 @@ class Covariance:
 
     @property
     def pose(self) -> Matrix3:
+        """Covariance of the pose about the published pose, row by row."""
         xt, yt = self._wt.real, self._wt.imag
         # Where one is larger by many orders, rounding the sum may lose the other.
         least = self._floor[0]
@@ -291,6 +292,7 @@ class Covariance:
         return length * min(2.0, 0.5 * abs(arc.turn))
 
     def twist(self, window: Window) -> Matrix3:
+        """Covariance of the twist that was taken over a window, row by row."""
         if not window.span_ns:
             return (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
         xx, xy, xt, yy, yt, tt = self._floor

@@ -261,6 +261,7 @@ class EstopLatch:
         return self._keeper.settled(SETTLE_S)
 
     async def on_file(self) -> bool:
+        """Whether an engaged latch is on file, within half a second."""
         keeper = self._keeper
         wish = keeper.wish
         with contextlib.suppress(TimeoutError):
