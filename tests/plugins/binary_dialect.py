@@ -212,7 +212,7 @@ class Binary(Dialect, frozen=True, kw_only=True):
     def recognises(self, item: Packet) -> bool:
         return not isinstance(self.decode(item), Unrecognised)
 
-    def silence(self, volts: float | None) -> str:
+    def silence(self, volts: float | None, settings: BoardSettings) -> str:
         return f"It has {volts} V."
 
     def findings(self, settings: BoardSettings, profile: MotorProfile) -> Findings:
