@@ -70,7 +70,7 @@ def test_each_encoding_moves_the_robot_and_the_pose_follows_the_truth(
     assert status["board"]["dialect"] == dialect
     assert status["command"]["accepted"] >= 3
     for each in app.samples["status"]:
-        assert_registered(each, {"cmd_vel", "cmd_vel/web", "cmd_vel/teleop"})
+        assert_registered(each, {"cmd_vel", "cmd_vel/moves", "cmd_vel/web", "cmd_vel/teleop"})
     assert robot.daemon.end() == 0
     assert robot.settled_truth().ticks == truth.ticks
 

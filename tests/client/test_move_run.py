@@ -27,7 +27,7 @@ async def moves(fake_daemon: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
     """The service beside a daemon, and a robot that is connected to both."""
     monkeypatch.setattr(move_run, "SERVICE_S", 60.0)
     daemon = await fake_daemon()
-    bus = Bus(BusOptions(connect=(daemon.endpoint,)))
+    bus = Bus(BusOptions(listen=(), connect=(daemon.endpoint,)))
     await bus.open()
     served = FakeMoves(bus)
     async with connect(daemon.endpoint, label="a test") as robot:

@@ -321,7 +321,7 @@ async def test_steps_keep_their_period_while_wheels_turn_and_ride_on_counts_at_r
         bench.supervisor.session.board._poller._on_reading = heard
         await asyncio.sleep(0.41)
         assert {round((b - a) / 1e6, 3) for a, b in itertools.pairwise(steps)} == {20.0}
-        assert len(steps) == 20
+        assert len(steps) in {20, 21}
         await asyncio.sleep(3.0)
         steps.clear()
         await asyncio.sleep(1.0)

@@ -173,7 +173,8 @@ async def test_every_way_out_ends_with_the_motors_let_go_and_all_of_it_on_the_wi
 async def test_a_stop_is_said_again_until_the_wheels_stand_and_cut_after_600_ms(
     tmp_path: Path, end: End, dialect: str
 ) -> None:
-    async with robot(tmp_path, dialect=dialect) as bench:
+    # Otherwise a wheel that rolls on after its cut is held once more before it is accused.
+    async with robot(tmp_path, "command.at_rest=hold", dialect=dialect) as bench:
         await bench.ready()
         await bench.drive(1.0, 0.3)
         bench.do("turning left 0.08")
@@ -190,6 +191,25 @@ async def test_a_stop_is_said_again_until_the_wheels_stand_and_cut_after_600_ms(
         assert braked[-1] < cut_ns
         assert any(event.wheel == "left" for event in bench.heard.events)
         assert "still turns" in bench.events("stop_not_obeyed")[0]
+
+
+@pytest.mark.parametrize("dialect", STREAMS)
+@on_virtual_time
+async def test_a_wheel_that_rolls_on_after_its_cut_is_held_once_and_then_accused_and_cut_for_good(
+    tmp_path: Path, dialect: str
+) -> None:
+    async with robot(tmp_path, dialect=dialect) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.3)
+        bench.do("turning left 0.08")
+        now_ns = bench.clock.now_ns()
+        await estop(bench)
+        await asyncio.sleep(5.0)
+        kinds = [kind for kind in bench.heard.kinds if kind in {"rolled", "stop_not_obeyed"}]
+        assert kinds[:2] == ["rolled", "stop_not_obeyed"]
+        assert kinds.count("rolled") == 1
+        orders = [order for at_ns, order in bench.orders_since(now_ns)]
+        assert orders[-1] == SUREST[dialect]
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
