@@ -145,10 +145,10 @@ def rested(board: Recorded) -> Wheels:
     wheels = make(board, "auto")
     wheels.turn((0.3, 0.3))
     wheels.stand(0, at_once=False)
-    standing(wheels, 10, 2020)
-    wheels.stand(2020 * MS, at_once=False)
+    standing(wheels, 10, 2090)
+    wheels.stand(2090 * MS, at_once=False)
     assert board.words[-1] == "release"
-    standing(wheels, 2020, 2100)
+    standing(wheels, 2090, 2100)
     return wheels
 
 

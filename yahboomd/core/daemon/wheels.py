@@ -304,7 +304,8 @@ class Wheels:
         if received_ns is not None and received_ns - asked_ns > LATE_NS and not self.noisy:
             self._held_up_ns = received_ns + SAID_AGAIN_NS
         self._stop_watch.measure(stamp_ns, speeds_m_s)
-        if (rolled := self._rest.measure(stamp_ns, ticks, stand=self.stopped)) is not None:
+        rests = self.stopped or self._rest.free
+        if rests and (rolled := self._rest.measure(stamp_ns, ticks, stand=self.stopped)):
             self._released = False
             self._stop_watch.restart(stamp_ns)
             self._say((0.0,) * len(self._kinematics.wheels))

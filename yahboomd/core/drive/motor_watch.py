@@ -19,7 +19,7 @@ from yahboomd.core.drive.standing import STANDING_M_S
 from yahboomd.core.model import NS_PER_S
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from yahboomd.core.drive.faults import Action, FaultKind
 
@@ -147,7 +147,7 @@ class MotorWatch:
         proven: float,
         *,
         held_up: bool,
-        others: Sequence[MotorWatch] = (),
+        slow_start: bool = False,
     ) -> list[Fault]:
         """Judge a reading.
 
@@ -158,8 +158,7 @@ class MotorWatch:
             ticks: The counts in between.
             proven: The least that the speed can be; no wheel is cut for more.
             held_up: The line was held up, so the command may not have arrived.
-            others: The motors that start with it. Where none of them counts either, or each was
-                slow to, the board's loop is slow to start, and not this wheel without counts.
+            slow_start: No motor of the base counts yet, or each was slow to: the loop is slow.
 
         Returns:
             The troubles that began with this reading.
@@ -178,7 +177,7 @@ class MotorWatch:
         found = (
             self._runaway(now_ns, proven),
             self._creeping(now_ns, speed),
-            self._silence(now_ns - before_ns, steady, ticks, others, held_up=held_up),
+            self._silence(now_ns - before_ns, steady, ticks, slow_start, held_up=held_up),
             self._off_speed(now_ns, speed),
         )
         faults = [fault for fault in found if fault is not None]
@@ -195,6 +194,11 @@ class MotorWatch:
     def rests(self) -> bool:
         """Whether another reading without a count shows nothing new."""
         return self._rests or self._commanded is None
+
+    @property
+    def slow_to_start(self) -> bool:
+        """Whether it did not count yet since it stood, or only after much of its commanded way."""
+        return self.start_m is None or self.start_m >= SLOW_M
 
     @property
     def silent(self) -> bool:
@@ -273,13 +277,7 @@ class MotorWatch:
         self._silent_m = 0.0
 
     def _silence(
-        self,
-        step_ns: int,
-        steady: float,
-        ticks: int,
-        others: Sequence[MotorWatch],
-        *,
-        held_up: bool,
+        self, step_ns: int, steady: float, ticks: int, slow_start: bool, *, held_up: bool
     ) -> Fault | None:
         if held_up and self._held_up_ns < HELD_UP_NS:
             self._held_up_ns += step_ns
@@ -303,10 +301,7 @@ class MotorWatch:
         else:
             self._silent_ns += step_ns
             self._silent_m += abs(steady) * step_ns / NS_PER_S
-        slow_start_m = 0.0
-        if self.start_m is None and others:
-            slow = [each.start_m is None or each.start_m >= SLOW_M for each in others]
-            slow_start_m = SLOW_START_M if all(slow) else 0.0
+        slow_start_m = SLOW_START_M if slow_start and self.start_m is None else 0.0
         times = TURNING_ROUND if self._rolled * steady < 0.0 else 1
         least_m = times * max(NO_COUNTS_M, slow_start_m)
         proven = self._silent_ns >= times * NO_COUNTS_NS and self._silent_m >= least_m

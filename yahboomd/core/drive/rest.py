@@ -43,7 +43,7 @@ class Rest:
         self.drive()
 
     def drive(self) -> None:
-        """The wheels are to turn, or nothing is known of them."""
+        """Begin again: the wheels are to turn, or nothing is known of them."""
         self.lets_go, self.free, self._rolled = self._mode == "release", False, False
         self._since_ns, self._from, self._way_m = 0, list[int](), ROLLED_M
 
@@ -53,10 +53,14 @@ class Rest:
         self._from, self._way_m = [], ROLLED_M + ROLLS_OUT_S * rolling_m_s
 
     def measure(self, stamp_ns: int, ticks: Sequence[int], *, stand: bool) -> Fault | None:
-        """Follow the travelled counts of each motor; whether they were seen to stand is known.
+        """Follow wheels that stand, or roll out.
+
+        Args:
+            ticks: The travelled counts of each motor.
+            stand: They were seen to stand since their stop.
 
         Returns:
-            What is to be reported of a wheel that rolled: they are to be held then.
+            The report on a wheel that rolled: they are to be held then.
         """
         if self._mode != "auto" or self._rolled:
             return None

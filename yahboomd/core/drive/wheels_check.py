@@ -131,6 +131,7 @@ class WheelsCheck:
         else:
             self._stood += 1
         proven_m_s = measured_m_s if earliest_ns is None else self._proven_m_s()
+        slow_start = len(self._watches) > 1 and all(watch.slow_to_start for watch in self._watches)
         faults = [
             fault
             for watch, speed, count, proven in zip(
@@ -143,7 +144,7 @@ class WheelsCheck:
                 count,
                 slowest(speed, proven),
                 held_up=held_up,
-                others=[each for each in self._watches if each is not watch],
+                slow_start=slow_start,
             )
         ]
         self._resting = all(watch.rests for watch in self._watches)
