@@ -191,7 +191,7 @@ async def _drive(robot: AsyncRobot, move: Move) -> int:
                 print(f"\r{bar(progress)}", end="", file=sys.stderr, flush=True)
         if on_terminal:
             print(file=sys.stderr)
-        await run.finished()
+        print((await run.finished()).message)
     return os.EX_OK
 
 
