@@ -16,7 +16,12 @@ from typing import Any
 
 import pytest
 from rosmaster_commands import command, frame, spoilt
-from rosmaster_firmware import MS, FirmwareRosmaster, firmware_instead_of_simulated
+from rosmaster_firmware import (
+    MS,
+    FirmwareRosmaster,
+    firmware_instead_of_simulated,
+    like_the_firmwares,
+)
 from vendor_firmware import rosmaster_missing
 
 from yahboomd.simulation.board import NEVER
@@ -279,22 +284,7 @@ def test_the_inertial_sensors_of_both_show_a_turn_alike(imu: str, kind: int) -> 
 
 
 def robot(car_type: int) -> SimulatedRobot:
-    steers = car_type == 5
-    return SimulatedRobot(
-        SimulationOptions(
-            dialect="rosmaster",
-            drive="ackermann" if steers else "mecanum",
-            ratio=19.0 if steers else 30.0,
-            wheel_radius_m=0.03425 if steers else 0.0325,
-            wheel_base_m=0.23537 if steers else 0.16,
-            wheel_separation_m=0.1911 if steers else 0.169,
-            flash=RosmasterStored(car_type=car_type),
-            loop_gain=PLAIN_GAIN,
-            motor_dead_zone=1400,
-            battery_volts=11.4,
-            rated_volts=11.4,
-        )
-    )
+    return SimulatedRobot(like_the_firmwares(car_type, volts=11.4))
 
 
 @pytest.mark.parametrize("car_type", [1, 5])

@@ -22,13 +22,11 @@ from typing import Any
 
 import pytest
 import serial
-from rosmaster_firmware import MS, firmware_instead_of_simulated
+from rosmaster_firmware import MS, firmware_instead_of_simulated, like_the_firmwares
 from vendor_firmware import FOLDER, rosmaster_missing
 
 from yahboomd.core.protocol.rosmaster.packets import PacketFramer, Words
-from yahboomd.simulation.options import PLAIN_GAIN, SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
-from yahboomd.simulation.rosmaster.rosmaster_flash import RosmasterStored
 
 pytestmark = [
     pytest.mark.skipif(bool(rosmaster_missing()), reason=rosmaster_missing()),
@@ -57,23 +55,7 @@ class Bench:
     """A robot on a pseudo-terminal, whose time goes on while the library sleeps."""
 
     def __init__(self, library: ModuleType, car_type: int) -> None:
-        steers = car_type == 5
-        self.robot = SimulatedRobot(
-            SimulationOptions(
-                dialect="rosmaster",
-                drive="ackermann" if steers else "mecanum",
-                ratio=19.0 if steers else 30.0,
-                wheel_radius_m=0.03425 if steers else 0.0325,
-                wheel_base_m=0.23537 if steers else 0.16,
-                wheel_separation_m=0.1911 if steers else 0.169,
-                flash=RosmasterStored(car_type=car_type),
-                loop_gain=PLAIN_GAIN,
-                motor_dead_zone=1400,
-                battery_volts=11.47,
-                rated_volts=11.47,
-                start_up_s=0.5,
-            )
-        )
+        self.robot = SimulatedRobot(like_the_firmwares(car_type, volts=11.47, start_up_s=0.5))
         self.now_ns = 0
         self.robot.start(0)
         self.sent = bytearray()

@@ -22,7 +22,7 @@ from yahboomd.core.model import CHANNELS, Counts
 from yahboomd.simulation.board import BOOT_NS, NEVER, Emit
 from yahboomd.simulation.boards import BOARDS, BoardKind
 from yahboomd.simulation.motors import PWM_MAX
-from yahboomd.simulation.options import SimulationOptions
+from yahboomd.simulation.options import PLAIN_GAIN, SimulationOptions
 from yahboomd.simulation.plant import Plant
 from yahboomd.simulation.rosmaster.car_drive import BRAKED, SERVO_MOST_DEG
 from yahboomd.simulation.rosmaster.rosmaster_flash import WRITE_NS, RosmasterStored, thousandths
@@ -241,3 +241,24 @@ def firmware_instead_of_simulated() -> Iterator[None]:
         yield
     finally:
         BOARDS["rosmaster"] = before
+
+
+def like_the_firmwares(
+    car_type: int, *, volts: float, start_up_s: float = 10.5
+) -> SimulationOptions:
+    """An R2 (5) or an X3 with the firmware's gain, for robots that are compared with it."""
+    steers = car_type == 5
+    return SimulationOptions(
+        dialect="rosmaster",
+        drive="ackermann" if steers else "mecanum",
+        ratio=19.0 if steers else 30.0,
+        wheel_radius_m=0.03425 if steers else 0.0325,
+        wheel_base_m=0.23537 if steers else 0.16,
+        wheel_separation_m=0.1911 if steers else 0.169,
+        flash=RosmasterStored(car_type=car_type),
+        loop_gain=PLAIN_GAIN,
+        motor_dead_zone=1400,
+        battery_volts=volts,
+        rated_volts=volts,
+        start_up_s=start_up_s,
+    )
