@@ -120,7 +120,7 @@ async def run(endpoint: str, *words: str) -> asyncio.Task[int]:
 
 
 @pytest.mark.realtime
-async def test_it_waits_for_the_goal_and_prints_nothing(
+async def test_it_waits_for_the_goal_and_ends_with_its_words(
     served: tuple[str, FakeMoves], capfd: pytest.CaptureFixture[str]
 ) -> None:
     endpoint, moves = served
@@ -128,9 +128,9 @@ async def test_it_waits_for_the_goal_and_prints_nothing(
     await eventually(lambda: len(moves.beats) > 3)
     assert not running.done()
     moves.tell(done=0.5)
-    moves.tell(state="ended", reason="reached")
+    moves.tell(state="ended", reason="reached", message="The goal is reached.")
     assert await running == 0
-    assert capfd.readouterr() == ("", "")
+    assert capfd.readouterr() == ("The goal is reached.\n", "")
     assert moves.requests[0]["by"] == "yahboomd move"
 
 
