@@ -8,8 +8,9 @@ from random import Random
 import msgspec
 import pytest
 
+from yahboomd.core.drive.kinematics import KINEMATICS, unit_geometry
 from yahboomd.core.model import Event, ImuReading, ImuSensor
-from yahboomd.core.odometry.heading import CATCH_UP_RAD_S, PLAUSIBLE_RAD_S, TURN_SLIP, Heading
+from yahboomd.core.odometry.heading import CATCH_UP_RAD_S, PLAUSIBLE_RAD_S, Heading
 from yahboomd.core.odometry.heading_filter import BIAS_RAD_S
 from yahboomd.tools.schemas.event_kinds import KINDS
 
@@ -23,6 +24,8 @@ SENSOR = ImuSensor(
     acceleration_limit_m_s2=20.0,
     acceleration_noise_m_s2=0.01,
 )
+TURN_SLIP = {name: unit_geometry(name).turn_slip for name in KINEMATICS}
+SLIPPING = [name for name, slip in TURN_SLIP.items() if slip]
 COUNTERS = (
     "gyro_silent",
     "gyro_saturated",
@@ -46,7 +49,7 @@ class Base:
     ) -> None:
         self.counters = dict.fromkeys(COUNTERS, 0)
         self.heading = Heading(
-            geometry,
+            TURN_SLIP[geometry],
             self.counters,
             tick_variance=TICK * TICK / 3.0,
             scale=scale,
@@ -242,7 +245,7 @@ def test_what_neither_saw_makes_it_less_sure(base: Base) -> None:
     assert base.heading.variance == pytest.approx(before + 0.25)
 
 
-@pytest.mark.parametrize("geometry", TURN_SLIP)
+@pytest.mark.parametrize("geometry", SLIPPING)
 def test_the_variance_covers_what_a_floor_does_to_turns(geometry: str) -> None:
     base = Base(geometry)
     base.run(2.0, 0.0, 0.0, truth=0.0)
@@ -521,7 +524,7 @@ def test_a_scale_makes_a_turn_unsure_by_its_share_of_it() -> None:
 
 
 def test_what_turns_beyond_the_play_of_the_ticks_may_slip() -> None:
-    heading = Heading("skid_steer", {}, tick_variance=TICK * TICK / 3.0)
+    heading = Heading(TURN_SLIP["skid_steer"], {}, tick_variance=TICK * TICK / 3.0)
     play = 1.5 * math.sqrt(2.0) * TICK
     heading.fuse(20.0 * TICK, 0.0, CYCLE_NS, CYCLE_NS)
     slipped = TURN_SLIP["skid_steer"] * (20.0 * TICK - play)
@@ -535,7 +538,9 @@ def test_what_turns_beyond_the_play_of_the_ticks_may_slip() -> None:
 def test_a_sample_is_as_old_as_its_sensor_delays_it() -> None:
     turned = []
     for delay_ns in (0, 8_000_000):
-        heading = Heading("skid_steer", dict.fromkeys(COUNTERS, 0), tick_variance=1e-6, scale=0.0)
+        heading = Heading(
+            TURN_SLIP["skid_steer"], dict.fromkeys(COUNTERS, 0), tick_variance=1e-6, scale=0.0
+        )
         for number in range(1, 50):
             rate = math.sin(0.3 * number)
             heading.accept(
@@ -553,7 +558,7 @@ def test_a_sample_is_as_old_as_its_sensor_delays_it() -> None:
 
 def test_a_slip_shows_after_a_second_and_a_bias_after_three() -> None:
     """To the step: here eight are a second."""
-    heading = Heading("differential", dict.fromkeys(COUNTERS, 0), tick_variance=1e-6, scale=0.0)
+    heading = Heading(0.0, dict.fromkeys(COUNTERS, 0), tick_variance=1e-6, scale=0.0)
     step_ns, began = 125_000_000, {}
     for number in range(1, 60):
         rate = 0.0 if number < 24 else 0.3
@@ -574,7 +579,7 @@ def test_a_slip_shows_after_a_second_and_a_bias_after_three() -> None:
 
 
 def test_a_slip_is_published_to_the_tenth_of_a_milliradian() -> None:
-    heading = Heading("differential", dict.fromkeys(COUNTERS, 0), tick_variance=1e-6, scale=0.0)
+    heading = Heading(0.0, dict.fromkeys(COUNTERS, 0), tick_variance=1e-6, scale=0.0)
     step_ns = 123_456_789
     for number in range(1, 29):
         heading.accept(

@@ -155,6 +155,7 @@ class Kinematics(msgspec.Struct, frozen=True, kw_only=True):
         base_m: From the rear axle to the front one, if the maps or the curves depend on it; else 0.
         least_radius_m: The tightest curve that the middle of the rear axle can drive, of a car that
             steers; 0 for a base that turns on the spot.
+        turn_slip: Variance of a turn for each radian, rad^2, by what a floor makes of the track.
     """
 
     name: str
@@ -165,6 +166,7 @@ class Kinematics(msgspec.Struct, frozen=True, kw_only=True):
     sides: bool = False
     base_m: float = 0.0
     least_radius_m: float = 0.0
+    turn_slip: float = 0.0
 
 
 class EncoderReading(msgspec.Struct, frozen=True, kw_only=True):

@@ -18,6 +18,7 @@ from yahboomd.core.bus.options import BusOptions
 from yahboomd.core.bus.publishers import BusPublisher
 from yahboomd.core.bus.subscriptions import Arrival
 from yahboomd.core.clock import Clock
+from yahboomd.core.drive.kinematics import KINEMATICS, unit_geometry
 from yahboomd.core.messages.codecs import encode
 from yahboomd.core.messages.native import (
     BatterySample,
@@ -272,10 +273,12 @@ def limits_of(config: dict[str, Any]) -> dict[str, float]:
     except msgspec.ValidationError:
         # Of another version.
         return {}
-    linear = known.limits.linear.velocity
+    linear, kinematics = known.limits.linear.velocity, known.chassis.kinematics
+    # Another version may know more kinds of bases.
+    sideways = kinematics in KINEMATICS and unit_geometry(kinematics).holonomic
     return {
         "vx": linear,
-        "vy": linear if known.chassis.kinematics == "mecanum" else 0.0,
+        "vy": linear if sideways else 0.0,
         "wz": known.limits.angular.velocity,
     }
 

@@ -50,7 +50,8 @@ def skid_steer(*, separation_m: float, **_: float | None) -> Kinematics:
     Raises:
         ConfigError: ``separation_m`` is not a positive number.
     """
-    return msgspec.structs.replace(_two_sides("skid_steer", separation_m), sides=True)
+    sides = _two_sides("skid_steer", separation_m)
+    return msgspec.structs.replace(sides, sides=True, turn_slip=0.04)
 
 
 def mecanum(
@@ -97,6 +98,7 @@ def mecanum(
         ),
         holonomic=True,
         base_m=base_m,
+        turn_slip=0.01,
     )
 
 
@@ -133,6 +135,7 @@ def ackermann(
         _two_sides("ackermann", separation_m),
         base_m=base_m,
         least_radius_m=base_m / math.tan(steering_max_rad),
+        turn_slip=0.01,
     )
 
 
@@ -191,13 +194,8 @@ def desaturate(speeds: Sequence[float], limits: Sequence[float]) -> tuple[tuple[
     if scale == 1.0:
         return tuple(speeds), 1.0
     # Rounding can make the product exceed the limit by its last bit, so clamp it.
-    return (
-        tuple(
-            max(-limit, min(limit, speed * scale))
-            for speed, limit in zip(speeds, limits, strict=True)
-        ),
-        scale,
-    )
+    pairs = zip(speeds, limits, strict=True)
+    return tuple([max(-limit, min(limit, speed * scale)) for speed, limit in pairs]), scale
 
 
 def desaturate_twist(

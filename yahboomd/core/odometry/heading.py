@@ -17,10 +17,6 @@ from yahboomd.core.model import Event, ImuReading
 from yahboomd.core.odometry.gyro import Gyro, Problem
 from yahboomd.core.odometry.heading_filter import BIAS_RAD_S, GATE, LATE_S, HeadingFilter
 
-TURN_SLIP: dict[str, float] = {"skid_steer": 0.04, "mecanum": 0.01, "ackermann": 0.01}
-"""Variance of the wheels' turn for each radian, rad^2: what a floor makes of the effective track.
-0.04 is 20 % of a turn by one radian."""
-
 BELIEVED = 1e-6
 """The share of the rolling variance with which the filter that believes the wheels counts."""
 
@@ -95,14 +91,14 @@ class Heading:
 
     def __init__(
         self,
-        geometry: str,
+        turn_slip: float,
         counters: dict[str, int],
         *,
         tick_variance: float,
         scale: float | None = None,
         fused: bool = True,
     ) -> None:
-        self._turn_slip = TURN_SLIP.get(geometry, 0.0)
+        self._turn_slip = turn_slip
         self._tick_variance = tick_variance
         self._play = 1.5 * math.sqrt(6.0 * tick_variance)
         self._known_scale = scale

@@ -146,7 +146,7 @@ class Odometer:
             0,
         )
         self._heading = Heading(
-            kinematics.name,
+            kinematics.turn_slip,
             self.counters,
             tick_variance=self._covariance.tick_variance,
             scale=gyro_scale,
