@@ -208,6 +208,7 @@ async def test_a_press_for_whose_file_no_thread_can_be_started_is_acknowledged_a
             raise RuntimeError("can't start new thread")
 
         few.setattr(threading.Thread, "start", start)
+        few.setattr(latch_module, "SETTLE_S", 0.05)
         assert latch.engage("one", 1)
         latch.remember()
         assert not await latch.on_file()

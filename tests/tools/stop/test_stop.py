@@ -294,6 +294,7 @@ def test_a_daemon_that_does_not_answer_is_no_success_beside_a_port_that_was_stop
         monkeypatch.setattr(stop_local, "sockets", lambda _: [str(tmp_path / "stop.sock")])
         # As if it had this port, too.
         monkeypatch.setattr(stop_local, "holds", lambda *_: True)
+        monkeypatch.setattr(stop_local, "STATUS_WITHIN_S", 0.2)
         assert main(["stop", "--port", board.port, *alone()]) == 1
     assert board.stands
     output = capsys.readouterr()
