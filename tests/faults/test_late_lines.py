@@ -17,7 +17,6 @@ import pytest
 from board_bench import BoardPort
 from fault_bench import DIALECTS, FaultBench, assert_no_jump
 
-from yahboomd.core.link.port import READ_BYTES
 from yahboomd.core.model import Counts, EncoderReading, OdometryEstimate
 from yahboomd.core.odometry.odometer import Odometer, Update
 from yahboomd.simulation.options import SimulationOptions
@@ -28,6 +27,9 @@ FAR = (60_000, 0, 60_000, 0)
 NEAR = (0, 0, 0, 0)
 KERNEL_BYTES = 4096
 """The size of a Linux terminal's buffer for its reader."""
+
+READ_BYTES = 1024
+"""pyserial-asyncio takes so many at once."""
 
 BOARDS = [*((dialect, "measured") for dialect in DIALECTS), ("streamed", "wire")]
 """Each, and one that fills the wire with its lines."""

@@ -87,12 +87,12 @@ async def test_on_a_noisy_line_a_speed_is_repeated_more_often_until_the_noise_is
         assert await sent_in_a_second() <= 11
         for _ in range(NOISY_DAMAGES):
             assert not board.wheels.noisy
-            board.port._on_data(b"$MAll:1,$")
+            board.port._memory.on_data(b"$MAll:1,$")
         assert (board.wheels.damages, board.wheels.noisy) == (NOISY_DAMAGES, True)
         assert await sent_in_a_second() >= 25
         assert board.port.written[-1][1] == b"\n" * 64 + b"$spd:300,0,300,0#"
         for _ in range(DAMAGES_MOST):
-            board.port._on_data(b"$MAll:1,$")
+            board.port._memory.on_data(b"$MAll:1,$")
         assert board.wheels.damages == DAMAGES_MOST
         await asyncio.sleep(9.9)
         assert board.wheels.noisy

@@ -10,11 +10,10 @@ from board_bench import BoardPort, LinkBench
 
 from yahboomd.core.errors import BoardSilent, PortLost
 from yahboomd.core.link.conversation import Conversation
-from yahboomd.core.link.gathering import ALIKE
 from yahboomd.core.link.line import KEPT_BYTES, Line
 from yahboomd.core.link.start_notices import Notice
 from yahboomd.core.model import Counts, EncoderReading
-from yahboomd.core.protocol.dialect import Battery, Decoded, Unrecognised
+from yahboomd.core.protocol.dialect import Decoded, Unrecognised
 from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
@@ -32,7 +31,6 @@ class Desk:
         return 0
 
     def __init__(self) -> None:
-        self.least: list[int] = []
         self.ticks: list[Counts] = []
         self.said: list[Decoded] = []
         self.line = Line(self, LoopClock())  # type: ignore[arg-type]
@@ -52,9 +50,6 @@ class Desk:
         return True
 
     def close(self) -> None: ...
-
-    def gather(self, least: int) -> None:
-        self.least.append(least)
 
     def take(self, *chunks: bytes) -> None:
         for chunk in chunks:
@@ -76,16 +71,6 @@ async def test_before_the_dialect_is_known_what_comes_is_kept_and_read_when_it_i
         assert desk.line.streaming
 
 
-@on_virtual_time
-async def test_what_repeats_is_decoded_as_it_was() -> None:
-    desk = Desk()
-    async with desk.line.attended():
-        desk.line.understand(DIALECTS["streamed"], spacing_ns=0)
-        desk.take(COUNTS + COUNTS, b"$MTEP:1,2,3,4#\r\n$MAll:1,2,3,5#\r\n")
-        assert desk.ticks == [(1, 2, 3, 4), (1, 2, 3, 4), (1, 2, 3, 5)]
-        assert len(desk.said) == 1
-
-
 @pytest.mark.parametrize("dialect", ["streamed", "polled"])
 @on_virtual_time
 async def test_a_frame_of_nothing_is_no_count(dialect: str) -> None:
@@ -98,36 +83,11 @@ async def test_a_frame_of_nothing_is_no_count(dialect: str) -> None:
 
 
 @on_virtual_time
-async def test_lines_that_are_alike_are_waited_for_until_half_a_line_or_the_end() -> None:
-    desk = Desk()
-    async with desk.line.attended():
-        desk.line.understand(DIALECTS["streamed"], spacing_ns=0)
-        desk.take(*[COUNTS] * 20)
-        assert desk.least == []
-        desk.line.gather(b"\r\n")
-        desk.take(*[COUNTS] * (ALIKE + 1))
-        assert desk.least == [16]
-        # Other frames change nothing about it.
-        desk.take(b"$Battery:7.40V#\r\n")
-        assert desk.said == [Battery(volts=7.4)]
-        assert desk.least == [16]
-        desk.take(b"$MAll:1,2,")
-        assert desk.least == [16, 1]
-        desk.take(b"3,4#\r\n", *[COUNTS] * (ALIKE + 1))
-        assert desk.least == [16, 1, 16]
-        desk.line._at_rest = True
-    assert desk.least == [16, 1, 16, 1]
-    desk.take(*[COUNTS] * 20)
-    assert desk.least == [16, 1, 16, 1]
-
-
-@on_virtual_time
 async def test_what_waited_for_a_reader_that_was_late_came_at_once() -> None:
     desk = Desk()
     async with desk.line.attended():
         desk.line.understand(DIALECTS["streamed"], spacing_ns=0)
-        desk.line.gather(b"\r\n")
-        for _ in range(ALIKE + 1):
+        for _ in range(9):
             await asyncio.sleep(0.006)
             desk.take(COUNTS)
         await asyncio.sleep(0.1)

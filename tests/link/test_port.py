@@ -257,43 +257,6 @@ async def test_output_that_the_kernel_took_in_part_arrives_whole(
     assert await port.drain(60.0)
 
 
-async def test_a_line_in_pieces_wakes_the_reader_once(port: SerialPort, device: Device) -> None:
-    heard: list[bytes] = []
-    port.listen(heard.append, lambda _: None)
-    port.gather(12)
-    for piece in (b"$data:", b"1,2,", b"3,4#"):
-        os.write(device.master, piece)
-        # The reader has had its chance.
-        for _ in range(20):
-            await asyncio.sleep(0.001)
-    await until(lambda: heard)
-    assert heard == [b"$data:1,2,3,4#"]
-    # An incomplete frame waits until somebody looks.
-    os.write(device.master, b"$data:")
-    await asyncio.sleep(0.02)
-    assert len(heard) == 1
-    port.read_now()
-    assert heard[1:] == [b"$data:"]
-    port.read_now()
-    port.gather(1)
-    os.write(device.master, b"1")
-    await until(lambda: heard[2:] == [b"1"])
-
-
-async def test_a_port_that_hangs_up_is_reported_however_much_was_waited_for(
-    port: SerialPort, device: Device
-) -> None:
-    gone: list[Exception | None] = []
-    port.listen(lambda _: None, gone.append)
-    port.gather(60)
-    os.write(device.master, b"$data:")
-    device.close()
-    await until(lambda: gone)
-    port.gather(20)
-    port.read_now()
-    assert len(gone) == 1
-
-
 async def test_closing_a_port_that_takes_no_output_does_not_block(
     device: Device,
 ) -> None:

@@ -115,8 +115,6 @@ async def test_a_tapped_port_hands_everything_on() -> None:
     tapped_port = TappedPort(port, notes)
     assert (tapped_port.name, tapped_port.byte_ns) == (port.name, port.byte_ns)
     assert tapped_port.queued() == port.queued()
-    tapped_port.gather(5)
-    tapped_port.read_now()
     tapped_port.discard()
     assert await tapped_port.drain(1.0)
     tapped_port.close()

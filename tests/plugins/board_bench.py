@@ -18,10 +18,7 @@ from yahboomd.simulation.virtual_time import LoopClock
 
 
 class BoardPort:
-    """The simulated board's line as a session's port; it keeps the written bytes.
-
-    As in a kernel, bytes wait until there are as many as the session wants at once.
-    """
+    """The simulated board's line as a session's port; it keeps the written bytes."""
 
     name = "/dev/simulated"
     byte_ns = byte_time_ns(115200)
@@ -31,24 +28,11 @@ class BoardPort:
         self._memory = MemoryPort(robot)
         self._memory.open()
         self._clock = LoopClock()
-        self._on_data: Any = lambda _: None
-        self._kept = b""
-        self._least = 1
         self.written: list[tuple[int, bytes]] = []
         self.closed = False
 
     def listen(self, on_data: Any, on_lost: Any) -> None:
-        self._on_data = on_data
-        self._memory.on_data = self._came
-        self._memory.on_lost = on_lost
-
-    def _came(self, data: bytes) -> None:
-        self._kept += data
-        self._deliver()
-
-    def _deliver(self) -> None:
-        if len(self._kept) >= self._least:
-            self.read_now()
+        self._memory.listen(on_data, on_lost)
 
     def queued(self) -> int:
         return self.waiting
@@ -57,18 +41,8 @@ class BoardPort:
         self.written.append((self._clock.now_ns(), data))
         self._memory.write(data)
 
-    def gather(self, least: int) -> None:
-        self._least = least
-        # The kernel wakes the reader, which does not run at once.
-        asyncio.get_running_loop().call_soon(self._deliver)
-
-    def read_now(self) -> None:
-        data, self._kept = self._kept, b""
-        if data:
-            self._on_data(data)
-
     def drop_input(self) -> None:
-        self._kept = b""
+        """Nothing is kept."""
 
     def discard(self) -> None:
         """Nothing waits."""

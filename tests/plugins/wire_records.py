@@ -145,8 +145,6 @@ class WireBench(FaultBench):
             close()
 
         port.listen = lambda on_data, on_lost: listen(lambda data: hear(data, on_data), on_lost)  # type: ignore[method-assign]
-        # Each record has the moment of its read, so that each read is one line at most.
-        port.gather = lambda _least: None  # type: ignore[method-assign]
         port.write = written  # type: ignore[method-assign]
         port.close = closed  # type: ignore[method-assign]
         return port
@@ -157,9 +155,6 @@ class DevicePort(BoardPort):
 
     def __init__(self, device) -> None:
         super().__init__(_Robot(device))
-
-    def gather(self, least: int) -> None:
-        """Each read is one line at most, as on the bench that recorded it."""
 
 
 class _Robot:

@@ -80,17 +80,11 @@ class MemoryPort:
         self.on_data = on_data
         self.on_lost = on_lost
 
-    def gather(self, least: int) -> None:
-        """Do nothing: bytes are handed over as they come, in the chunks of the impairments."""
-
     def drop_input(self) -> None:
         """Do nothing: no byte is kept."""
 
     def discard(self) -> None:
         """Do nothing: none waits."""
-
-    def read_now(self) -> None:
-        """Do nothing: no byte is kept."""
 
     async def drain(self, timeout_s: float) -> bool:
         """Wait until the wire has carried everything; whether it has."""

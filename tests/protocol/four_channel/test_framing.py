@@ -3,7 +3,6 @@ from __future__ import annotations
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from msgspec.structs import asdict, replace
 
 from yahboomd.core.protocol.four_channel.framing import (
     MAX_HELD_BYTES,
@@ -191,16 +190,6 @@ def test_what_is_held_is_bounded(parts):
     for part in parts:
         framer.feed(part)
         assert framer.held_bytes <= MAX_HELD_BYTES
-
-
-@given(streams)
-def test_a_chunk_that_comes_again_says_and_counts_the_same_as_byte_by_byte(parts):
-    chunk = b"".join(parts)
-    whole, single = LineFramer(), LineFramer()
-    found = [item for _ in range(3) for item in whole.feed(chunk)]
-    alone = [item for byte in 3 * chunk for item in single.feed(bytes([byte]))]
-    assert [replace(item, trailing=0) for item in found] == alone
-    assert asdict(whole.counters) == asdict(single.counters)
 
 
 @given(streams)

@@ -16,7 +16,6 @@ import msgspec
 
 from yahboomd.core.clock import Clock, nanoseconds
 from yahboomd.core.errors import PortLost
-from yahboomd.core.link.gathering import Gathering
 from yahboomd.core.link.outbox import Answers
 from yahboomd.core.link.port import Port
 from yahboomd.core.link.port_errors import lost
@@ -123,10 +122,7 @@ class Line:
         self._resend_ns = nanoseconds(resend_s)
         self._framers = {name: dialect.framer() for name, dialect in DIALECTS.items()}
         self._framer = next(iter(self._framers.values()))
-        self._gathering: Gathering | None = None
         self._damage = 0
-        self._item: Item | None = None
-        self._decoded: Decoded = Unrecognised(text="")
         self._damaged_ns: deque[int] = deque(maxlen=DAMAGES_MOST)
         self._cut_until_ns = 0
         self._lost = False
@@ -208,10 +204,6 @@ class Line:
         )
         self.tasks.start(self.writer.run(), "link-writer")
 
-    def gather(self, line_end: bytes) -> None:
-        """Wait for whole lines of counts from now on, which end with these bytes."""
-        self._gathering = Gathering(len(line_end))
-
     def drop_input(self) -> None:
         """The process did not run: what was kept for it is old, and the rest was dropped."""
         self._cut_until_ns = self.clock.now_ns() + CUT_NS
@@ -272,13 +264,9 @@ class Line:
         items = self._take(data, now_ns)
         if self.dialect is None:
             return
-        held = self._framer.held_bytes
-        # What the counts led to may have ended the line.
-        if (gathering := self._gathering) is not None and gathering.adjust(held):
-            self.port.gather(gathering.least)
         self._notice_noise(now_ns)
         # Behind a whole item a framer that holds nothing is as a fresh one.
-        if self.tap.due and items and not held:
+        if self.tap.due and items and not self._framer.held_bytes:
             self.tap.settled()
 
     def _take(self, data: bytes, now_ns: int) -> Sequence[Item]:
@@ -296,14 +284,9 @@ class Line:
             return ()
         items = self._framer.feed(data)
         for item in items:
-            if item is not self._item:
-                self._item, self._decoded = item, dialect.decode(item)
-            decoded = self._decoded
+            decoded = dialect.decode(item)
             if isinstance(decoded, Totals):
                 self._counts(decoded, item, now_ns)
-                # What the counts led to may have ended the line.
-                if self._gathering is not None:
-                    self._gathering.line(item.size)
             elif isinstance(decoded, Inertial):
                 self._inertial(decoded, item, now_ns)
             else:
@@ -398,9 +381,6 @@ class Line:
         """Stop the wheels and close. Bounded in time, whatever brought us here."""
         self._leaving = self.writer.closed = True
         try:
-            if self._gathering is not None:
-                self._gathering = None
-                self.port.gather(1)
             if self._lost or self._at_rest:
                 return
             if self.dialect is None:

@@ -15,7 +15,6 @@ import msgspec
 
 from yahboomd.core.clock import PAUSE_NS, Clock, Schedule, nanoseconds, seconds
 from yahboomd.core.errors import BoardSilent
-from yahboomd.core.link.port import Port
 from yahboomd.core.link.tap import NO_TAP, Tap
 from yahboomd.core.link.writer import Writer
 from yahboomd.core.model import EncoderReading
@@ -44,7 +43,7 @@ class Poller:
         period_ns: From poll to poll.
         on_reading: Receives every reading.
         on_armed: Called whenever the board is asked to stream its counts.
-        port: Asked for bytes that were too few to wake the reader.
+        port_name: In messages.
         unbroken: Whether they came before it was asked.
         tap: Notes readings that their bytes do not show whole.
 
@@ -62,7 +61,7 @@ class Poller:
         period_ns: int,
         on_reading: Callable[[EncoderReading], None],
         on_armed: Callable[[], None],
-        port: Port,
+        port_name: str,
         unbroken: bool = False,
         tap: Tap = NO_TAP,
     ) -> None:
@@ -74,7 +73,7 @@ class Poller:
         self._answer_ns = min(max(period_ns, 20_000_000), 100_000_000)
         self._on_reading = on_reading
         self._on_armed = on_armed
-        self._port = port
+        self._port_name = port_name
         self._heard_ns = clock.now_ns()
         self._rearmed_ns = 0
         self._after_reset = False
@@ -125,10 +124,10 @@ class Poller:
             BoardSilent: No counts came for a second.
         """
         self._schedule = Schedule(self._clock, self._period_ns)
-        self._heard_ns = self._looked_ns = self._clock.now_ns()
+        self._heard_ns = self._clock.now_ns()
         await self._schedule.run(self._beat)
 
-    def _beat(self, due_ns: int) -> None:
+    def _beat(self, _: int) -> None:
         schedule = self._schedule
         self.counters["polls_late"] = schedule.missed
         if schedule.late_ns > PAUSE_NS:
@@ -136,10 +135,6 @@ class Poller:
             self._heard_ns = max(self._heard_ns, self._clock.now_ns())
             # Nor is the velocity of before it said again: the control path has the first word.
             return
-        if self._heard_ns < self._looked_ns:
-            # Fewer bytes may have come than the kernel waits for.
-            self._port.read_now()
-        self._looked_ns = due_ns
         self._look()
         if self._dialect.poll is not None and not self._writer.poll(
             self._dialect.poll, self._answer_ns
@@ -152,7 +147,7 @@ class Poller:
             return
         if silent_s > SILENT_AFTER_S:
             raise BoardSilent(
-                f"{self._port.name}: the board sent no counts for {silent_s:.1f} s.",
+                f"{self._port_name}: the board sent no counts for {silent_s:.1f} s.",
                 remedy="Is it powered? The port is opened again.",
             )
         since_arm_s = seconds(self._clock.now_ns() - self._rearmed_ns)

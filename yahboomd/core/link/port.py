@@ -37,11 +37,6 @@ from yahboomd.core.model import NS_PER_S
 
 BITS_PER_BYTE = 10  # 8N1: a start bit, eight of data, a stop bit
 
-READ_BYTES = 1024
-
-PIECE_BYTES = 64
-"""Where the kernel waits for more bytes than that, a read brings no more at a time."""
-
 MAX_PENDING = 4096
 """Output the kernel would not take, in bytes; beyond that the port counts as stuck."""
 
@@ -90,12 +85,6 @@ class Port(Protocol):
     def write(self, data: bytes) -> None:
         """Send; never blocks and never raises: a lost port is reported to ``on_lost``."""
 
-    def gather(self, least: int) -> None:
-        """Deliver bytes once so many are there, where the port can wait for them."""
-
-    def read_now(self) -> None:
-        """Deliver what is there now, however little."""
-
     def drop_input(self) -> None:
         """Drop what came and was not read yet."""
 
@@ -139,8 +128,6 @@ class _Serial(serial.Serial):
     def read(self, size: int = 1) -> bytes:
         try:
             data = os.read(self.fd, size)  # type: ignore[arg-type]
-            if len(data) == PIECE_BYTES:
-                data += self._rest(size)
         except BlockingIOError:
             return b""
         except OSError as error:
@@ -150,15 +137,6 @@ class _Serial(serial.Serial):
             self.on_broken(None)
             raise serial.SerialException("the port hung up")
         return data
-
-    def _rest(self, size: int) -> bytes:
-        rest = b""
-        try:
-            while len(piece := os.read(self.fd, size)) == PIECE_BYTES:  # type: ignore[arg-type]
-                rest += piece
-        except BlockingIOError:
-            return rest
-        return rest + piece
 
     def write(self, data: bytes) -> int:  # type: ignore[override]
         try:
@@ -266,27 +244,6 @@ class SerialPort(asyncio.Protocol):
             self._broken(OSError(errno.ETIMEDOUT, "the port takes no output"))
             return
         self._transport.write(data)
-
-    def gather(self, least: int) -> None:
-        if self._lost:
-            return
-        try:
-            attributes = termios.tcgetattr(self._fd)
-            attributes[6][termios.VMIN] = least
-            termios.tcsetattr(self._fd, termios.TCSANOW, attributes)
-        except (OSError, termios.error) as error:
-            self._broken(error)
-
-    def read_now(self) -> None:
-        # Whatever is wrong with the port, the event loop hears of it by itself.
-        if self._lost:
-            return
-        try:
-            data = os.read(self._fd, READ_BYTES)
-        except OSError:
-            return
-        if data:
-            self._on_data(data)
 
     async def drain(self, timeout_s: float) -> bool:
         def waiting() -> int | None:

@@ -142,15 +142,12 @@ class Session:
             period_ns=period_ns,
             on_reading=listener.reading,
             on_armed=listener.armed,
-            port=line.port,
+            port_name=line.port.name,
             # Reports that come unasked prove nothing: they go on after a reset.
             unbroken=line.streaming and dialect.poll is None and not dialect.listen_ns,
             tap=self._tap,
         )
         board = ConnectedBoard(line, identity, listener, poller)
-        if not dialect.listen_ns:
-            # Between the counts of a board that reports unasked come other reports, just as urgent.
-            line.gather(dialect.line_end)
         poller.arm()
         self._tap.identified(dialect.name, settings)
         listener.connected(board, identity)

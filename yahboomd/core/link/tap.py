@@ -63,8 +63,7 @@ class TappedPort:
         self.byte_ns = port.byte_ns
         # All but the writing is the port's own.
         self.queued = port.queued
-        self.listen, self.gather, self.read_now = port.listen, port.gather, port.read_now
-        self.drop_input = port.drop_input
+        self.listen, self.drop_input = port.listen, port.drop_input
         self.discard, self.drain, self.close = port.discard, port.drain, port.close
 
     def write(self, data: bytes) -> None:

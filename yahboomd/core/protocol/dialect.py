@@ -248,9 +248,6 @@ class Dialect(msgspec.Struct, frozen=True, kw_only=True):
     The next command may follow at once.
     """
 
-    line_end: bytes = b""
-    """The start of what follows a frame that is whole without it; empty where nothing does."""
-
     @abstractmethod
     def framer(self) -> Framer:
         """A new framer, for one connection."""

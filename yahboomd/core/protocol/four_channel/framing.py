@@ -98,8 +98,6 @@ class LineFramer:
         self._held = bytearray()
         # Behind an overlong frame or line, until the next steering byte.
         self._skipping = False
-        # A robot that stands has the same said again and again.
-        self._same = (b"\n", 1, list[Frame | TextLine]())
 
     @property
     def held_bytes(self) -> int:
@@ -108,15 +106,8 @@ class LineFramer:
     def feed(self, data: bytes) -> list[Frame | TextLine]:
         """Take a chunk as it came from the port; return what it completes, in order."""
         counters = self.counters
-        same, blank_bytes, found = self._same
-        if data == same and not (self._held or self._skipping):
-            counters.bytes += len(data)
-            counters.frames += len(found)
-            counters.blank_bytes += blank_bytes
-            return found
         counters.bytes += len(data)
-        bad_bytes = len(data.translate(None, _PLAIN))
-        counters.bad_bytes += bad_bytes
+        counters.bad_bytes += len(data.translate(None, _PLAIN))
         items: list[Frame | TextLine] = []
         if _STEERING.search(data) is None:
             self._hold(data)
@@ -127,12 +118,7 @@ class LineFramer:
             self._held.clear()
         start = 0
         if not self._skipping:
-            blank_bytes = counters.blank_bytes
             start = self._whole_frames(data, items)
-            if start == len(data):
-                if not bad_bytes:
-                    self._same = (data, counters.blank_bytes - blank_bytes, items)
-                return items
         for match in _STEERING.finditer(data, start):
             at = match.start()
             self._hold(data[start:at])

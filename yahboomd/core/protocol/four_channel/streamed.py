@@ -94,7 +94,6 @@ class Streamed(Dialect, frozen=True, kw_only=True):
     fastest_m_s: float = MAX_M_S
     loop_ns: int = 10_000_000
     most_output: int = MAX_PWM
-    line_end: bytes = b"\r\n"
     sample_period_ns: int | None = 10_000_000
     brake: bytes = _BRAKE
     # The speed loop is incremental: with target 0 and a dead encoder it keeps its last output, so
