@@ -1,11 +1,11 @@
 """The moments at which lines left the board, from their arrivals.
 
-Law: a board sends its lines evenly, and what comes between delays them by chance. So the times of
-leaving are a smooth clock that lies below the times of arrival, at their lower edge.
+Law: a board sends its lines evenly, and everything in between delays them at random. So the send
+times are a smooth clock along the lower edge of the arrival times.
 
-An alpha-beta filter over the lines follows their mean; the lower edge of what is left over is the
-delay that all have. Good to a few milliseconds under delays of up to 16, at once and in any state,
-where :mod:`yahboomd.core.odometry.envelope` is ten times better but needs motion.
+An alpha-beta filter follows the mean of the arrivals; the lower edge of its residuals belongs to
+the lines with the least delay. Good to a few milliseconds under delays of up to 16, at once and in
+any state; :mod:`yahboomd.core.odometry.envelope` is ten times better but needs motion.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ FADE = 0.99
 """The rate at which the lower edge is forgotten: half of it in seventy lines."""
 
 CLEAN = 0.15
-"""Off by less than this part of a gap, lines come evenly (by pure chance it would be a quarter)."""
+"""Lines off by less than this share of a gap come evenly (chance alone gives a quarter)."""
 
 EDGE_MAX_NS = 10_000_000
-"""Delays are below 16 ms, 8 on the average: what is left over beyond is a line that was lost."""
+"""Delays are below 16 ms, 8 on average: a larger residual comes from a lost line."""
 
 BREAK_NS = 40_000_000
-"""A line so far from where it was expected starts the filter again."""
+"""A line this far from its expected time restarts the filter."""
 
 SETTLE_NS = 25_000_000
 RUSH = 1.4
-"""After a break, lines that come faster than this for so long were held back with others: when
-they left is not known, and the line is not steady."""
+"""After a break, lines are counted for this time. If they come faster than this multiple of their
+rate, they were held back with others: their send times are unknown, and they are not steady."""
 
 READ_NS = 100_000_000
 """Lines that fill the wire come from a backlog in the same rhythm: a read brings 89 ms of them, and
-only the next read shows that they had waited."""
+only the next read shows that they waited."""
 
 RUSH_MOST_NS = 500_000_000
 """No backlog takes longer to arrive; a board that keeps sending faster has changed its rate."""
@@ -45,7 +45,7 @@ class Arrivals:
     """A smoothed clock of lines.
 
     Attributes:
-        gap: The time from line to line, on the average; 0 before there are two.
+        gap: The mean time from line to line; 0 before the second.
         steady: Whether lines come as fast as they are sent, and not from a backlog.
     """
 
@@ -56,24 +56,25 @@ class Arrivals:
         self.gap = 0.0
         self._paired = False
         self._edge = 0.0
-        self._rough = 0.0  # how far from whole gaps lines come, on the average
+        self._rough = 0.0  # mean distance of lines from whole gaps
         self._broken = 0.0  # arrival of the first line after a break
         self.steady = True
-        self._since = (
-            0.0  # where they are not steady: since when lines are counted to see how fast they come
-        )
+        self._since = 0.0  # while not steady: start of the count that shows the rate
         self._lines = 0
 
     @property
     def spread(self) -> float:
-        """The longest delay of a line after its tick: the gap between lines, and their delays."""
+        """The longest delay of a line after its tick: the gap between lines, plus their delays."""
         return self.gap - 2.0 * self._edge
 
     def add(self, arrival: float, wire: float = 0.0) -> float:
-        """Accept a line, and return when it left; never later than it came.
+        """Take in a line.
 
         Args:
-            wire: The time that its bytes take.
+            wire: The time that its bytes take on the wire.
+
+        Returns:
+            When it left the board, never later than ``arrival``.
         """
         if self._mean is None:
             self._mean = arrival
@@ -93,7 +94,7 @@ class Arrivals:
         if self.gap:
             lost = self.gap * math.floor(off / self.gap + 0.5)
             if lost > 0.0 and self._rough < CLEAN * self.gap:
-                # Lines come like clockwork and this one by whole lines too late: some were lost.
+                # Lines come evenly, and this one is whole gaps late: lines were lost.
                 expected += lost
                 off -= lost
                 lost = 0.0
@@ -106,7 +107,7 @@ class Arrivals:
     def _settle(self, arrival: float, within: float) -> float:
         took = arrival - self._since
         if took < 0.0:
-            # The next read of a backlog: bytes that came behind were taken off its arrival.
+            # The next read of a backlog: its arrival is corrected for the bytes behind it.
             self._since, self._lines = arrival, 0
         else:
             self._lines += 1

@@ -1,17 +1,17 @@
 """The covariance of the pose and of the twist.
 
-Law: what is not known grows and never shrinks by itself. Every wheel's travel is wrong by a random
-amount whose variance is proportional to the distance it rolled; every count is known to a tick.
-Both go through the Jacobians of the very step that was integrated. The volume of the pose's
-covariance (its determinant) and the variance of its heading never fall; single entries may, because
-an error of heading that pushed the robot sideways on its way out pulls it back on its way home.
+Law: uncertainty grows and never shrinks by itself. Every wheel's travel has a random error whose
+variance is proportional to the distance rolled; every count is exact to a tick. Both go through the
+Jacobians of the step as it was integrated. The determinant of the pose's covariance and the
+variance of its heading never fall; single entries may, because an error of heading that pushed the
+robot sideways on its way out pulls it back on its way home.
 
 The noise of one step is that of Siegwart, Nourbakhsh and Scaramuzza, *Autonomous Mobile Robots*,
 section 5.2.4 (variance proportional to the wheels' travel: equation 5.8), with the exact arc in
-place of the midpoint. What an error of heading makes of the way is not linearised, since a heading
-that wanders shortens the way as well as bending it: 17 mm after 10 m straight ahead, more than the
-wheels' own error. With the error of heading ``e`` (Gaussian, variance ``s``), that of place ``w``
-(a complex number, x + iy), a step's displacement ``d`` and its noise ``p``, ``n``::
+place of the midpoint. The effect of an error of heading on the path is not linearised, because a
+wandering heading shortens the path as well as bending it: 17 mm after 10 m straight ahead, more
+than the wheels' own error. With the error of heading ``e`` (Gaussian, variance ``s``), of place
+``w`` (a complex number, x + iy), a step's displacement ``d`` and its noise ``p``, ``n``::
 
     w' = w + (exp(ie) - 1) d + p        e' = e + n
 
@@ -37,10 +37,10 @@ SIDEWAYS_M_S = 1e-3
 """Standard deviation of the sideways speed of a base that cannot move sideways."""
 
 SHORTEST_SHARE = 0.05
-"""A window whose length is not known is taken to be no shorter than this part of it."""
+"""A window of uncertain length is at least this share of its span."""
 
 TURN_VARIANCE_MAX = math.pi * math.pi / 3.0
-"""A heading of which nothing at all is known: evenly spread over the circle."""
+"""Variance of an unknown heading: evenly spread over the circle."""
 
 Six = tuple[float, float, float, float, float, float]
 """The upper triangle of a symmetric 3 by 3 matrix: xx, xy, xt, yy, yt, tt."""
@@ -61,7 +61,7 @@ def _outer(factors: MotorFactors, weight: float) -> Six:
 def with_heading(covariance: Matrix3, variance: float) -> Matrix3:
     """The covariance over (x, y, heading) with another variance of the heading.
 
-    The heading stays correlated with the place as it was.
+    The correlation of the heading with the place is kept.
     """
     xx, xy, xt, _, yy, yt, _, _, tt = covariance
     share = math.sqrt(variance / tt)
@@ -73,11 +73,11 @@ class Covariance:
     """Covariance of the pose over (x, y, theta), and of the twist over (vx, vy, wz).
 
     Args:
-        motors: The motors, in the order in which counts are handed in.
+        motors: The motors, in the order of the counts.
         noise_m: Variance of a wheel's travel per metre that it rolls.
 
     Attributes:
-        given: Variance of the heading with which the pose was set, the counters' tick included.
+        given: Variance of the heading when the pose was set, the counters' tick included.
     """
 
     __slots__ = (
@@ -109,7 +109,7 @@ class Covariance:
 
     @property
     def tick_variance(self) -> float:
-        """The variance of the heading, by the ticks of the encoders, rad^2."""
+        """Variance of the heading from the ticks of the encoders, rad^2."""
         return self._floor[5]
 
     @property
@@ -118,10 +118,10 @@ class Covariance:
         return self._tt - self.given
 
     def turn(self, deltas: Sequence[int]) -> tuple[float, float, float]:
-        """The motion that counts make.
+        """Convert counts to motion.
 
         Returns:
-            The travel forward in metres, the turn in radians, and the variance of that by the
+            The travel forward in metres, the turn in radians, and the turn's variance from the
             distance rolled, rad^2.
         """
         travel = turn = variance = 0.0
@@ -135,7 +135,7 @@ class Covariance:
     def pose(self) -> Matrix3:
         """Covariance of the pose about the published pose, row by row."""
         xt, yt = self._wt.real, self._wt.imag
-        # Where one is larger by many orders, rounding the sum may lose the other.
+        # If one is larger by orders of magnitude, rounding the sum may lose the other.
         least = self._floor[0]
         xx = max(least, 0.5 * (self._ww + self._w2.real))
         yy = max(least, 0.5 * (self._ww - self._w2.real))
@@ -143,18 +143,18 @@ class Covariance:
         tt = self._tt
         pose = (xx, xy, xt, xy, yy, yt, xt, yt, tt)
         if self._heading is not None and self._heading < tt:
-            # What a gyro learns later makes the heading surer than it was on the way.
+            # Later measurements of a gyro make the heading more certain than it was on the way.
             return with_heading(pose, self._heading)
         return pose
 
     def set_pose(self, theta: float, covariance: Matrix3 | None = None) -> None:
         """Restart from a given pose.
 
-        The counters' own resolution is added: the baseline is known to a tick only.
+        The counters' own resolution is added: the baseline is exact only to a tick.
 
         Args:
             theta: The heading of that pose, radians.
-            covariance: How sure it is; None for sure.
+            covariance: Its covariance; None if it is exact.
         """
         cos, sin = math.cos(theta), math.sin(theta)
         xx, xy, xt, yy, yt, tt = self._floor
@@ -166,7 +166,7 @@ class Covariance:
         )
         xt, yt = cos * xt - sin * yt, sin * xt + cos * yt
         if covariance is not None:
-            # Half of each side: what is handed in may be symmetric only to rounding.
+            # The mean of both halves: the argument may be symmetric only to rounding.
             xx, yy, tt = xx + covariance[0], yy + covariance[4], tt + covariance[8]
             xy += 0.5 * (covariance[1] + covariance[3])
             xt += 0.5 * (covariance[2] + covariance[6])
@@ -187,8 +187,8 @@ class Covariance:
         """Grow by one step.
 
         Args:
-            fused: Variance that the heading gained since the pose was set, where a gyro knows it
-                as well.
+            fused: Variance that the heading of wheels and gyro gained since the pose was set; None
+                without a gyro.
         """
         nxx = nxy = nxt = nyy = nyt = ntt = 0.0
         for (axx, axy, axt, ayy, ayt, att), delta in zip(self._per_tick, deltas, strict=True):
@@ -245,22 +245,22 @@ class Covariance:
         self._keep_volume()
 
     def _keep_volume(self) -> None:
-        """Grow where a way back unbends what the way out had bent: the law says so."""
+        """Keep the determinant from falling when the way back undoes the bend of the way out."""
         ww, w2, wt, tt = self._ww, self._w2, self._wt, self._tt
         along = (wt * wt.conjugate()).real
-        # The determinant, out of complex numbers.
+        # The determinant, from complex numbers.
         bent = (w2.conjugate() * wt * wt).real
         volume = 0.25 * tt * (ww * ww - (w2 * w2.conjugate()).real) - 0.5 * (ww * along - bent)
         short = self._volume - volume
         if short <= 0.0:
             self._volume = volume
         elif (slope := ww * tt - along) > 0.0:
-            # With v more of x and of y, the determinant is larger by slope * v + tt * v * v.
+            # Adding v to xx and yy raises the determinant by slope * v + tt * v * v.
             more = 2.0 * short / (slope + math.sqrt(slope * slope + 4.0 * tt * short))
             self._ww = ww + 2.0 * more
 
     def _add(self, place: float, turn: float) -> None:
-        """Grow by errors that have nothing to do with those so far."""
+        """Grow by errors that are independent of all earlier ones."""
         fade = -math.expm1(-0.5 * turn)
         self._ww += 2.0 * place
         self._tt += turn
@@ -272,19 +272,19 @@ class Covariance:
         """Grow by travel that was not counted.
 
         Args:
-            travel_m: Every wheel may have rolled up to so far, either way, in any order.
+            travel_m: The most that each wheel may have rolled, either way, in any order.
         """
         variance = travel_m * travel_m / 3.0
         self._add(variance, min(self._turn_per_metre * variance, TURN_VARIANCE_MAX))
 
     def bridge(self, arc: Arc) -> float:
-        """Grow by the unknown order of what was counted unobserved.
+        """Grow by the unknown order of motion within one long step.
 
-        The counters tell how far the robot went and how far it turned, not which came first: the
-        true end lies up to half the turn to either side of the arc's.
+        The counters show how far the robot went and how far it turned, not in which order: the
+        true end lies up to half the turn to either side of the arc's end.
 
         Returns:
-            How far from the arc's end that may be, metres.
+            The farthest that the true end may be from the arc's end, metres.
         """
         length = math.hypot(arc.dx, arc.dy)
         variance = (length * min(1.0, abs(arc.turn) / math.sqrt(12.0))) ** 2
@@ -292,7 +292,7 @@ class Covariance:
         return length * min(2.0, 0.5 * abs(arc.turn))
 
     def twist(self, window: Window) -> Matrix3:
-        """Covariance of the twist that was taken over a window, row by row."""
+        """Covariance of the twist over a window, row by row."""
         if not window.span_ns:
             return (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
         xx, xy, xt, yy, yt, tt = self._floor
@@ -323,10 +323,10 @@ class Covariance:
         )
 
     def _unsure_twist(self, window: Window, counts: Six) -> Matrix3:
-        """The same where the window's length is not known: every component scales with it."""
+        """The same for a window of uncertain length: every component scales with it."""
         span_ns = window.span_ns
         shortest_ns = max(span_ns - window.unsure_ns, SHORTEST_SHARE * span_ns)
-        # The speed may be as much larger as the window may be shorter: that is two deviations.
+        # The shortest window gives the largest speed: taken as two deviations.
         scale = 0.5 * (span_ns / shortest_ns - 1.0)
         scale = scale * scale + (window.rough_ns / span_ns) ** 2
         rate = (1e9 / shortest_ns) ** 2

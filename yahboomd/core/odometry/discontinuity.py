@@ -1,7 +1,7 @@
-"""Breaks in the counts: how much of the way is lost with them, and the words that report it.
+"""Breaks in the counts: the travel that they lose, and the events that report them.
 
-:mod:`~yahboomd.core.odometry.encoders` judges which reading ends one; the pose goes on from where
-it was.
+:mod:`~yahboomd.core.odometry.encoders` decides which reading ends one; the pose continues from its
+last value.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ COUNTERS: dict[Outcome, str] = {
     "gap_lost": "odometry_gaps",
     "rebased": "odometry_rebased",
 }
-"""The odometer's counter for each kind."""
+"""The odometer's counter for each outcome."""
 
 
 def unknown_m(outcome: Outcome, gap_s: float, *, fastest_m_s: float, speed_max_m_s: float) -> float:
     """The travel that a wheel may have made without being counted; metres.
 
     Args:
-        outcome: What ended.
+        outcome: The kind of break.
         gap_s: From the last reading before it to the first after it.
         fastest_m_s: Rim speed of the fastest wheel, as last seen.
         speed_max_m_s: A rim speed that no wheel reaches.
@@ -35,7 +35,7 @@ def unknown_m(outcome: Outcome, gap_s: float, *, fastest_m_s: float, speed_max_m
     if outcome == "gap_kept":
         return 0.0
     if outcome == "reset":
-        # A reset lets the motors go: what rolled before it was no faster than last seen.
+        # A reset releases the motors: no wheel rolled faster before it than last seen.
         return min(speed_max_m_s, fastest_m_s + RESET_SPEED_M_S) * gap_s
     return speed_max_m_s * gap_s
 
@@ -43,13 +43,13 @@ def unknown_m(outcome: Outcome, gap_s: float, *, fastest_m_s: float, speed_max_m
 def event(
     outcome: Outcome, *, gap_s: float, lost_m: float, counted_m: float, unsure_m: float
 ) -> Event:
-    """The severity of its event: a warning where something was lost.
+    """The event of a break: a warning if travel was lost, else for information.
 
     Args:
-        lost_m: Up to how much of each wheel's travel is unknown.
-        counted_m: The farthest that a wheel was counted to have rolled in between.
-        unsure_m: How far from the pose the base may be, since it is unknown in which order it went
-            and turned.
+        lost_m: The most of each wheel's travel that may be unknown.
+        counted_m: The largest travel of a wheel that was counted across the break.
+        unsure_m: How far the base may be from the pose, because the order in which it went and
+            turned is unknown.
     """
     happened, done = _WORDS[outcome]
     lost = "" if not lost_m else f" Up to {lost_m:.2f} m of each wheel's travel are unknown."
@@ -68,7 +68,7 @@ def event(
 
 
 def clock_event(notice: Notice, period_ms: float) -> Event:
-    """The event about another tick of the board, or none.
+    """The event about a board whose tick has another period, or none.
 
     Args:
         period_ms: The period that yahboomd uses from now on.
@@ -94,11 +94,11 @@ def clock_event(notice: Notice, period_ms: float) -> Event:
 _WORDS: dict[Outcome, tuple[str, str]] = {
     "reset": (
         "The board reset itself and counts from zero.",
-        "The pose goes on from where it was, with what was counted since.",
+        "The pose continues from its last value, with the counts since.",
     ),
     "reset_unseen": (
         "The counters fell to near zero: the board must have reset itself.",
-        "The pose goes on from where it was, with what was counted since.",
+        "The pose continues from its last value, with the counts since.",
     ),
     "gap_kept": (
         "Counts were missing for a while, and the board went on counting.",
@@ -113,4 +113,4 @@ _WORDS: dict[Outcome, tuple[str, str]] = {
         "The pose holds and counting goes on from there.",
     ),
 }
-"""For each outcome: what happened, and what was done about it."""
+"""For each outcome: the event, and the reaction of yahboomd."""

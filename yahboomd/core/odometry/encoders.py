@@ -1,9 +1,8 @@
 """Raw counters to signed travel of each motor.
 
 Law: counts become travel only when they can be travel. A reading that cannot (the board was reset,
-the port was away, a digit was lost) is held until others agree with it, and only then decided upon;
-meanwhile and afterwards the totals do not jump. Holding loses nothing: whatever was counted is in
-the next reading as well.
+the port was away, a digit was lost) is held until later readings agree with it, and decided only
+then; the totals never jump. Holding loses nothing: the next reading contains the same counts.
 
 The limit is a step of ``speed_max · time + one tick`` on any motor.
 """
@@ -18,53 +17,53 @@ from yahboomd.core.counts import HALF, unwrapped
 from yahboomd.core.model import Counts, Motor
 
 AGREE_SLACK_NS = 20_000_000
-"""The longest that two readings may lie apart beyond their arrivals: the worst USB latency."""
+"""The most that two readings may lie apart beyond their arrivals: the worst USB latency."""
 
 AGREE_ANNOUNCED = 2
 AGREE_RESET = 3
 AGREE_ELSEWHERE = 5
-"""The readings in a row that have to agree: after a notice, to believe an unannounced reset, and to
-believe counters that are elsewhere for no reason (a lossy line drops the same digit twice in a row
-more often than one thinks)."""
+"""The readings in a row that must agree: after a notice, for an unannounced reset, and for counters
+that jumped for no known reason (a lossy line drops the same digit twice in a row more often than
+expected)."""
 
 STRAY_M = 0.002
 STRAY_M_S = 0.25
 STRAY_NS = 8_000_000
 STRAY_MOST_M = 0.025
-"""A step that ends so far from where the wheel was heading waits for others to agree: a little, and
-more with the time that it had to change its speed, and with its pace, since it is not known to the
-millisecond when a board sampled. A wheel that is blocked or let go strays as well, and is believed
-one reading later; a digit that was garbled on its way is contradicted by that."""
+"""A step that ends this far from the wheel's expected place waits for others to agree. The limit
+grows with the time that the wheel had to change its speed, and with its pace, because the sampling
+time is not known to the millisecond. A wheel that is blocked or released strays as well, and is
+believed one reading later, which contradicts a garbled digit."""
 
 AGREE_STRAYED = 3
-"""The readings in a row that one wheel must be able to have made, however unevenly they came."""
+"""This many readings in a row, each in reach of the one before, are believed at any spacing."""
 
 ELSEWHERE_NS = 200_000_000
-"""The time that these readings must span. A garbled line that was taken for travel is taken back by
-later lines once there was time for the way back; lines in a burst must not settle it before."""
+"""The time that those readings must span. If a garbled line was taken for travel, later lines take
+it back after the time that the way back needs; a burst must not decide before."""
 
 ORIGIN: Counts = (0, 0, 0, 0)
 """The counters of a board that was just reset."""
 
 UNMISTAKABLE_TICKS = 64
-"""Counters that come back unchanged to the tick, at least so far from zero, were not reset."""
+"""Counters that return unchanged to the tick, at least this far from zero, were not reset."""
 
 EXPECTED_M = 0.025
 EXPECTED_SHARE = 0.1
-"""Without a command the wheels go on as fast as before: the counters show it, give or take this."""
+"""Without a command the wheels keep their speed: the counters match it within these bounds."""
 
 ROLLED_S = 0.5
-"""A board that was reset lets its wheels go: they roll as far as they went in so long, at most."""
+"""A reset board releases its wheels: they coast at most as far as they went in this time before."""
 
 Outcome: TypeAlias = Literal[
     "baseline",  # the first reading of all: counting starts here
     "travel",  # an ordinary step
-    "held",  # cannot be travel, or was announced as special: wait for the next
-    "reset",  # the board said that it was reset: counted from zero
-    "reset_unseen",  # the counters fell to near zero without a word: counted from zero
-    "gap_kept",  # the port was away, and the board went on counting
+    "held",  # cannot be travel, or was announced as special: wait for the next reading
+    "reset",  # the board reported a reset: counted from zero
+    "reset_unseen",  # the counters fell to near zero unannounced: counted from zero
+    "gap_kept",  # the port was away, and the board kept counting
     "gap_lost",  # the port was away, and it may have been reset: nothing is counted
-    "rebased",  # the counters are elsewhere for no known reason: nothing is counted
+    "rebased",  # the counters jumped for no known reason: nothing is counted
 ]
 
 Notice: TypeAlias = Literal["none", "gap", "reset"]
@@ -76,8 +75,8 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         ticks: The raw counters of the reading.
         deltas: Signed counts per motor that are travel since the last accepted reading.
-        farthest: The largest of them, unsigned; of an ordinary step alone.
-        least_ns: The least time that they take; of an ordinary step alone.
+        farthest: The largest magnitude of them; only for an ordinary step.
+        least_ns: The least time that they take; only for an ordinary step.
         strayed: Whether an ordinary step was believed although no wheel was heading there.
     """
 
@@ -92,8 +91,8 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
 class Encoders:
     """The counters of the board, as signed totals of each motor that never wrap.
 
-    :meth:`judge` says what a reading means and :meth:`accept` takes it on, so that a caller can
-    leave a reading that shows nothing new.
+    :meth:`judge` classifies a reading and :meth:`accept` counts it, so that a caller can skip a
+    reading that shows nothing new.
 
     Args:
         motors: The motors on the board, in the order of every tuple here.
@@ -111,8 +110,7 @@ class Encoders:
         self._ticks_per_m = tuple(1.0 / motor.metres_per_tick for motor in motors)
         self._zero = (0,) * len(motors)
         self._still = (0.0,) * len(motors)
-        # Counts in a nanosecond, of the last three steps and their median; unknown after a
-        # break.
+        # Counts per nanosecond of the last three steps, and their median; unknown after a break.
         self._paces: tuple[tuple[float, ...], ...] = ()
         self._pace = self._still
         self._turned = False
@@ -120,7 +118,7 @@ class Encoders:
         self._suspect: tuple[Counts, int, int] | None = None
         self._notice: Notice = "none"
         self._unbroken = False
-        self._went = self._still  # counts in a nanosecond before a gap
+        self._went = self._still  # counts per nanosecond before a gap
         self.totals: tuple[int, ...] = self._zero
 
     @property
@@ -134,7 +132,7 @@ class Encoders:
 
         Args:
             unbroken: The board was certainly not reset in that gap.
-            speeds_m_s: How fast the wheels were before it.
+            speeds_m_s: Speeds of the wheels before it.
         """
         if self._last is not None and self._notice != "reset" and notice != "none":
             self._notice = notice
@@ -144,7 +142,7 @@ class Encoders:
             self._went = tuple([speed * 1e-9 * per_m for speed, per_m in pairs])
 
     def least_ns(self, deltas: tuple[int, ...]) -> float:
-        """The least time in which the wheels can travel so far, one tick of grace included."""
+        """The least time in which the wheels can travel this far, one tick of grace included."""
         least = 0.0
         for delta, ns_per_tick in zip(deltas, self._ns_per_tick, strict=True):
             need = (abs(delta) - 1) * ns_per_tick
@@ -161,7 +159,7 @@ class Encoders:
         return tuple(deltas)
 
     def repeats(self, ticks: Counts) -> bool:
-        """Whether a reading says what the last accepted one did; then nothing is left to judge."""
+        """Whether a reading equals the last accepted one; then nothing is left to judge."""
         if ticks != self._last or self._notice != "none":
             return False
         self._suspect = None
@@ -174,16 +172,16 @@ class Encoders:
     def judge(
         self, ticks: Counts, sent_ns: int, elapsed_ns: float, *, fresh: bool = True
     ) -> Verdict:
-        """The meaning of a reading; nothing is counted yet.
+        """Classify a reading; nothing is counted yet.
 
         Args:
             sent_ns: When the line left the board, as far as known.
             elapsed_ns: The longest time that may have passed on the board since the last accepted
                 reading.
-            fresh: The line just left the board.
+            fresh: The line just left the board, and did not wait in a backlog.
 
         Returns:
-            The verdict; hand it to :meth:`accept` unless it is ``held``.
+            The verdict; pass it to :meth:`accept` unless it is ``held``.
         """
         last = self._last
         if last is None:
@@ -229,7 +227,7 @@ class Encoders:
             )
 
     def _go_on(self, pace: tuple[float, ...]) -> None:
-        """A garbled reading makes one pace too fast and the next too slow: neither is believed."""
+        """Keep the median pace: a garbled reading makes one too fast and the next too slow."""
         self._paces = paces = (*self._paces[-2:], pace)
         if len(paces) < 3:
             self._pace = pace
@@ -241,7 +239,7 @@ class Encoders:
     def _strays(
         self, deltas: tuple[int, ...], ticks: Counts, sent_ns: int, elapsed_ns: float
     ) -> bool:
-        """Whether a step is unlikely, and nothing but this reading tells of it."""
+        """Whether a step is unlikely and no other reading confirms it."""
         stray_m = STRAY_MOST_M
         if self._paces:
             stray_m = min(stray_m, STRAY_M + STRAY_M_S * 1e-9 * elapsed_ns)
@@ -251,7 +249,7 @@ class Encoders:
                     deltas, ticks, sent_ns, elapsed_ns
                 ):
                     return True
-                # So it did change its speed.
+                # The wheel did change its speed.
                 self._paces = ()
                 self._turned = True
                 return False
@@ -260,11 +258,10 @@ class Encoders:
     def _witnessed(
         self, deltas: tuple[int, ...], ticks: Counts, sent_ns: int, elapsed_ns: float
     ) -> bool:
-        """Whether the reading before tells of the same motion as this one.
+        """Whether the reading before shows the same motion as this one.
 
-        Between the two a wheel went on at its old pace, at its mean one since, or, where it changed
-        its speed all the time, as far beyond that. What a garbled digit added to one of them, the
-        other takes away.
+        Between the two, a wheel's pace lies between its old pace and, under constant acceleration,
+        twice its mean pace since then less the old one. A garbled digit in either breaks this.
         """
         agreed = self._agreed(ticks, sent_ns)
         if not agreed or self._suspect is None or elapsed_ns <= 0:
@@ -287,7 +284,7 @@ class Encoders:
     def _fell(self, deltas: tuple[int, ...], ticks: Counts) -> bool:
         """Whether counting from zero explains a step better than travel does.
 
-        A reset takes all counters back, and not the one that lost a digit on its way alone.
+        A reset returns all counters; a lost digit changes one.
         """
         from_zero = self.since(ORIGIN, ticks)
         if 2 * max(map(abs, from_zero)) >= max(map(abs, deltas)):
@@ -299,7 +296,7 @@ class Encoders:
         )
 
     def _agreed(self, ticks: Counts, sent_ns: int) -> int:
-        """With how many readings in a row, just before, this one agrees."""
+        """The number of consecutive readings just before that agree with this one."""
         if self._suspect is None:
             return 0
         then, then_ns, agreed = self._suspect
@@ -309,7 +306,7 @@ class Encoders:
     def _expected(
         self, travel: tuple[int, ...], from_zero: tuple[int, ...], elapsed_ns: float
     ) -> bool:
-        """Whether the counters are where the wheels went in that time, and no reset led there."""
+        """Whether wheels that kept their speed explain the counters, and a reset does not."""
         beyond = False
         for delta, now, went, per_m in zip(
             travel, from_zero, self._went, self._ticks_per_m, strict=True
@@ -337,18 +334,18 @@ class Encoders:
         travel = self.since(last, ticks)
         from_zero = self.since(ORIGIN, ticks)
         near_zero = self.least_ns(from_zero) <= elapsed_ns
-        # What is counted here shares its one tick of grace with the step that follows.
+        # These counts share their one tick of grace with the next step.
         room_ns = elapsed_ns - max(self._ns_per_tick)
         if self._notice == "gap":
             if not sure:
                 return held
             untouched = not any(travel) and max(map(abs, from_zero)) >= UNMISTAKABLE_TICKS
-            # Beyond half the range the counters may have gone round more than once.
+            # Beyond half the range the counters may have wrapped more than once.
             fits = self.least_ns(travel) <= room_ns < HALF * min(self._ns_per_tick)
             if untouched or (fits and (self._unbroken or not near_zero)):
                 return Verdict(outcome="gap_kept", ticks=ticks, deltas=travel)
             if not fresh:
-                # It may be as old as the gap: how far the wheels should be is not known yet.
+                # The line may be as old as the gap: the expected travel is not known yet.
                 return held
             if fits and self._expected(travel, from_zero, elapsed_ns):
                 return Verdict(outcome="gap_kept", ticks=ticks, deltas=travel)

@@ -1,9 +1,9 @@
 """A straight line under a cloud of points: phase and period of a clock seen through delays.
 
-Law: delays only add. The arrival of what a clock's tick ``n`` caused is ``phase + n · period`` plus
-a delay that is sometimes almost nothing, so the clock is the straight line that all points lie
-above and that comes closest to them. Its slope is that of an edge of the lower convex hull, the one
-over the point of time that matters most (Moon, Skelly and Towsley, *Estimation and removal of clock
+Law: delays only add. A line that tick ``n`` caused arrives at ``phase + n · period`` plus a delay
+that is sometimes almost zero. So the clock is the straight line below all points that comes closest
+to them. Its slope is that of an edge of the lower convex hull: the one over the most important
+point of time (Moon, Skelly and Towsley, *Estimation and removal of clock
 skew from network delay measurements*, INFOCOM 1999).
 """
 
@@ -13,19 +13,19 @@ import math
 from itertools import pairwise
 
 BLOCK = 16
-"""Points that are reduced to their lowest one."""
+"""Each block of this many points is reduced to its lowest one."""
 
 BLOCKS_MAX = 256
 SETTLED_BLOCKS = 4
 SETTLED_ANYHOW = 16
 SETTLED_NS = 1_000_000
-"""Blocks whose lowest points agree so well are believed at once; later any are."""
+"""The line is settled when the last blocks' lowest points agree this well, or after this many."""
 
 SLOPE_TICKS = 400
 """Over a shorter stretch the slope would be mostly noise; the last one known is kept."""
 
 FRESH_TICKS = 150
-"""The time that the phase looks back on while the slope is unknown: 500 ppm are 0.75 ms by then."""
+"""The ticks that the phase looks back on while the slope is unknown: 500 ppm are 0.75 ms then."""
 
 DRIFT_MAX = 1e-3
 """Crystals and ceramic resonators are better than this."""
@@ -64,7 +64,7 @@ class Envelope:
         rest = arrival - tick * self._period
         if rest - self.drift * (tick - self._low[0]) < self._low[1]:
             self._low = (tick, rest)
-        # The line gives way at once; it rises only when blocks are fitted.
+        # The line falls at once; it rises only when blocks are fitted.
         self._offset = min(self._offset, rest - self.drift * tick)
         self._count += 1
         if self._count == BLOCK:
@@ -89,25 +89,25 @@ class Envelope:
         rests = [rest - self.drift * tick for tick, rest in blocks[-SETTLED_BLOCKS:]]
         agree = len(rests) == SETTLED_BLOCKS and max(rests) - min(rests) < SETTLED_NS
         if not self.settled and (agree or len(blocks) >= SETTLED_ANYHOW):
-            # What was seen before may have been numbered otherwise.
+            # Earlier points may be numbered differently.
             del blocks[:-SETTLED_BLOCKS]
             self.settled = True
-        # The longer the stretch behind it, the better the slope, and the farther it carries back.
+        # A longer stretch gives a better slope, which carries farther back.
         reach = (
             max(SLOPE_TICKS, (last - blocks[0][0]) * 3 // 4) if self._drift_known else FRESH_TICKS
         )
         rests = [rest - self.drift * tick for tick, rest in blocks if last - tick <= reach]
         lowest = min(rests)
         if len(rests) >= SETTLED_BLOCKS:
-            # Even the lowest point was delayed a little. Where a delay is the sum of two, the
-            # least of N falls with the root of N: so the blocks tell how much is left.
+            # Even the lowest point was delayed a little. If a delay is the sum of two, the least of
+            # N falls with the root of N: so the mean of the blocks shows how much is left.
             mean = sum(rests) / len(rests)
             lowest -= (mean - lowest) / (math.sqrt(len(rests)) - 1.0)
         self._offset = lowest
 
 
 def _slope(points: list[tuple[int, float]]) -> float | None:
-    """The slope of the hull's edge over the weighted middle; None where it is too short."""
+    """The slope of the hull's edge over the weighted middle; None if it is too short."""
     hull: list[tuple[int, float]] = []
     for point in points:
         while len(hull) >= 2 and _above(hull[-2], hull[-1], point):

@@ -33,7 +33,7 @@ def motor_factors(kinematics: Kinematics, motors: tuple[Motor, ...]) -> tuple[Mo
     Motors that share a wheel (the two of a skid-steer side) share its travel in equal parts.
 
     Raises:
-        ConfigError: A motor names a wheel that the geometry has not, or a wheel has no motor.
+        ConfigError: A motor names a wheel that the geometry does not have, or a wheel has no motor.
     """
     sharing = [0] * len(kinematics.wheels)
     for motor in motors:

@@ -1,7 +1,7 @@
 """The gyro's rate about the vertical axis: integrated, and judged.
 
-Law: the integral is handed out only while every sample since the one before it can be believed. A
-gyro that was silent, saturated or implausible has to behave for a second before it is used again.
+Law: the integral counts only while every sample since its last use is plausible. A gyro that was
+silent, saturated or implausible must behave for a second before it is used again.
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ from yahboomd.core.model import Vector3
 Problem: TypeAlias = Literal["silent", "saturated", "implausible", "unchecked"]
 
 SILENT_NS = 150_000_000
-"""Samples come every 40 ms; after so long without one the gyro is silent."""
+"""Samples come every 40 ms; after this time without one the gyro is silent."""
 
 PROBATION_NS = 1_000_000_000
-"""It must behave for so long after a problem."""
+"""The time that it must behave after a problem."""
 
 FROZEN_SAMPLES = 50
-"""So many samples without any noise come from no sensor that works."""
+"""This many identical samples come from a broken sensor: a working one has noise."""
 
 SATURATED_SHARE = 0.99
-"""The share of the limit from which on a rate counts as saturated."""
+"""A rate from this share of the limit on is saturated."""
 
 CORNER = 0.03
-"""The share of a bend of the rate by which the trapezoid between samples is wrong."""
+"""The trapezoid between samples is wrong by this share of a bend of the rate."""
 
 SHAKEN_SAMPLES = 250
 SHAKEN_SHARE = 0.82
-"""In motion, the shaking is averaged over so many. White noise has this share of what it shows: of
-the products of two changes in a row, to and fro."""
+"""In motion, the shaking is averaged over this many samples. The share turns the product of two
+opposite changes in a row into the variance of white noise."""
 
 
 class GyroTurn(msgspec.Struct, frozen=True, kw_only=True):
@@ -42,8 +42,8 @@ class GyroTurn(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         angle: The integral of its rate since it was first believed, radians.
         rate_rad_s: The latest rate.
-        noise: Variance of the integral's latest step that its samples explain, rad^2.
-        held: How far the integral reaches beyond the latest sample may be wrong, radians.
+        noise: Variance that the integral gained since the last call, rad^2.
+        held: The possible error of the extrapolation beyond the latest sample, radians.
     """
 
     angle: float
@@ -53,14 +53,14 @@ class GyroTurn(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Gyro:
-    """Integrates the rate of turn, as long as it can be believed.
+    """Integrates the rate of turn while its samples are plausible.
 
     Attributes:
         problem: Why it is not believed now; None while it is, or before its first sample.
         present: Whether it ever sent a sample.
         moving: Whether the wheels turn: only then the shaking is measured.
-        shaken: The number of samples by which it was.
-        shaking: Variance of the rate by what is faster than the samples show, (rad/s)^2.
+        shaken: The number of samples in the average of the shaking.
+        shaking: Variance of the rate from vibration faster than the samples show, (rad/s)^2.
     """
 
     __slots__ = (
@@ -95,7 +95,7 @@ class Gyro:
         Args:
             stamp_ns: When it was measured.
             rate_rad_s: Counter-clockwise about the vertical axis.
-            shown: Everything that the sensor shows, to notice that it is stuck.
+            shown: All values of the sample, to detect a stuck sensor.
             limit_rad_s: The rate at which it saturates.
             noise_rad_s: Standard deviation of one sample.
         """
@@ -129,7 +129,7 @@ class Gyro:
         if dt_ns <= SILENT_NS:
             self._angle += 0.5 * (rate_rad_s + before) * dt_s
             bend = CORNER * (rate_rad_s - 2.0 * before + last)
-            # A turn that begins or ends changes the rate one way; shaking, to and fro.
+            # A turn that begins or ends changes the rate one way; shaking changes it to and fro.
             shaking = SHAKEN_SHARE * max(0.0, (before - rate_rad_s) * (before - last))
             if self.moving:
                 self.shaken = min(self.shaken + 1, SHAKEN_SAMPLES)
@@ -139,20 +139,20 @@ class Gyro:
             self._noise += (noise + bend * bend) * dt_s * dt_s
 
     def refuse(self, problem: Problem) -> None:
-        """Do not believe it, until it has behaved for a while."""
+        """Reject it until it has behaved for ``PROBATION_NS``."""
         self.problem = problem
         self._good_since_ns = None
 
     @property
     def believed(self) -> bool:
-        """Whether its integral goes on without a gap."""
+        """Whether its integral continues without a gap."""
         return self.present and self.problem is None and self._good_since_ns is not None
 
     def turn(self, now_ns: int) -> GyroTurn:
-        """The turn that it measured up to now, whether it is believed or not.
+        """The turn measured up to now, believed or not.
 
         Args:
-            now_ns: When the counters were sampled, to which the integral is carried on.
+            now_ns: When the counters were sampled; the integral is extrapolated to it.
         """
         ahead_ns = now_ns - self._stamp_ns
         if self.present and self.problem is None and ahead_ns > SILENT_NS:

@@ -1,11 +1,11 @@
-"""The heading by wheels and gyro, step by step: how surely each knows it, and where they disagree.
+"""The heading from wheels and gyro, step by step: how well each knows it, and their disagreements.
 
-Law: whatever becomes of the gyro, the heading goes on from where it is.
+Law: when the gyro fails or returns, the heading continues from its present value.
 
-Two filters run side by side. One takes the wheels at their word, where the geometry lets them roll:
-their heading is known to the tick. The other has them slip as much as the covariance of the wheels
-says. The first is used until the measurements are so much likelier by the second that chance is no
-explanation (a sequential test: Bar-Shalom, Li and Kirubarajan, *Estimation with Applications to
+Two filters run side by side. One trusts the wheels if the geometry lets them roll: their heading is
+exact to the tick. The other lets them slip as much as the covariance of the wheels allows. The
+first is used until the measurements are likelier under the second than chance can explain (a
+sequential test: Bar-Shalom, Li and Kirubarajan, *Estimation with Applications to
 Tracking and Navigation*, 11.6.2). So a base that does not slip loses nothing to the gyro's noise.
 """
 
@@ -18,43 +18,43 @@ from yahboomd.core.odometry.gyro import Gyro, Problem
 from yahboomd.core.odometry.heading_filter import BIAS_RAD_S, GATE, LATE_S, HeadingFilter
 
 BELIEVED = 1e-6
-"""The share of the rolling variance with which the filter that believes the wheels counts."""
+"""The share of the rolling variance that the filter that trusts the wheels assumes."""
 
 REFUTED = 7.0
-"""The other filter is 10,000 times likelier: the logarithm of that."""
+"""The other filter takes over when it is 1,100 times likelier: the logarithm of that."""
 
 TRUSTED = -8.0
-"""However long the wheels were right: so soon their first slip is noticed."""
+"""Caps accumulated trust, so that the first slip is noticed quickly."""
 
 CATCH_UP_RAD_S = 0.2
-"""The heading follows no faster beyond what a step itself shows, for a pose never jumps (REP 105):
-where a slip is found out, or one filter gives way to the other."""
+"""The fastest correction beyond the difference that a step itself shows. A pose never jumps
+(REP 105), even if a slip is found late or one filter replaces the other."""
 
 CALIBRATED = 6e-4
-"""Standard deviation of a gyro's scale after it was calibrated to 0.1 %."""
+"""Standard deviation of the scale of a gyro that was calibrated to 0.1 %."""
 
 TIMING_S = 0.003
-"""By how much the times of samples vary, against each other."""
+"""How much the times of samples vary against each other."""
 
 WINDOW_S = 1.0
 SLIP_RAD = 0.1
 SLIP_DEVIATIONS = 4.0
-"""An event says so where the turns of a second differ by more than both."""
+"""An event reports turns that differ by more than both within a second."""
 
 CLEAR_RAD = 0.6
-"""Turns of the wheels that add up to so much, either way, show the sign of the gyro."""
+"""Turns of the wheels that add up to this, either way, can show the sign of the gyro."""
 CLEAR_SHARE = 0.6
-"""... if in seconds the gyro's are at least this share of them, and they of the gyro's."""
+"""... if the sum of products is at least this share of the larger sum of squares, over seconds."""
 SLOWEST_RAD = 0.002
-"""A turn in a second in which the ticks of a wheel come and go."""
+"""With a smaller turn in a second the ticks of a wheel may only come and go."""
 
 STEADY_S = 3.0
-"""A gyro that shows one rate for so long beside standing wheels shows its bias, or an even turn."""
+"""A gyro with one rate for this time beside standing wheels shows its bias, or an even turn."""
 STEADY_DEVIATIONS = 5.0
-"""No hand turns a robot as evenly as within so many deviations of the sensor's noise."""
+"""No hand turns a robot more evenly than this many deviations of the sensor's noise."""
 EVEN_SAMPLES = 4
 UNEVEN_DEVIATIONS = 10.0
-"""A sample that is so far from the mean of so many begins another rate."""
+"""A sample this far from the mean of at least ``EVEN_SAMPLES`` begins another rate."""
 DRIFT_RAD_S2 = 4e-4
 """No temperature changes a bias faster: 0.24 degrees/s for a kelvin, 0.1 kelvin in a second."""
 PLAUSIBLE_RAD_S = 0.35
@@ -63,24 +63,24 @@ an MPU-9250 or ICM-20948 is 5, and 5 more for 20 kelvin."""
 
 FEW_SAMPLES = 10
 UNMEASURED_RAD_S = 0.1
-"""How much a base may shake before so many samples in motion showed it."""
+"""How much a base may shake before ``FEW_SAMPLES`` samples in motion show it."""
 
 SHAKEN_S = 0.1
-"""Shaking at nearly the rate of the samples looks like a slow one: off by its rate over so long."""
+"""Shaking at nearly the rate of the samples looks slow: the error is its rate over this time."""
 
 
 class Heading:
-    """Fuses the turns of wheels and gyro, and says what is wrong with either.
+    """Fuses the turns of wheels and gyro, and reports problems of either.
 
     Args:
-        counters: Where it is counted what goes wrong.
-        tick_variance: Of the wheels' heading by the ticks of their encoders, rad^2.
-        scale: Standard deviation of the gyro's scale where it was calibrated, as a share; None
-            leaves it to the sensor, and its sign to the first clear turn.
-        fused: The heading is used: a gyro that is not, yet, is reported.
+        counters: The counters of the problems.
+        tick_variance: Variance of the wheels' heading from the ticks of their encoders, rad^2.
+        scale: Standard deviation of a calibrated gyro's scale, as a share; None takes the sensor's,
+            and the gyro's sign from the first clear turn.
+        fused: The heading is used, so a gyro that cannot be used yet is reported.
 
     Attributes:
-        events: What happened since they were taken.
+        events: New events; the caller clears them.
     """
 
     __slots__ = (
@@ -130,7 +130,7 @@ class Heading:
 
     @property
     def error(self) -> float:
-        """By how much the wheels' heading is beyond the fused one, radians."""
+        """The wheels' heading less the fused one, radians."""
         return self._error
 
     @property
@@ -143,13 +143,13 @@ class Heading:
             variance += sum(self._added) ** 2
         if believing is None:
             return variance
-        # The other one may be right since they parted: as likely as the measurements make it.
+        # The other may be right since they parted, as likely as the measurements make it.
         share = 1.0 / (1.0 + math.exp(0.5 * TRUSTED - believing.doubt))
         return variance + share * (believing.error - doubting.error - self._parted) ** 2
 
     @property
     def bias_rad_s(self) -> float:
-        """The gyro's reading at rest."""
+        """The gyro's reading at rest, rad/s."""
         return self._filter.bias
 
     @property
@@ -159,15 +159,15 @@ class Heading:
 
     @property
     def present(self) -> bool:
-        """Whether there is a gyro, or was."""
+        """Whether the gyro ever sent a sample."""
         return self._gyro.present
 
     def rate(self, wheels_rad_s: float, variance: float) -> tuple[float, float]:
-        """The rate of turn by both, each weighted by its certainty.
+        """The rate of turn from both, each weighted by its certainty.
 
         Args:
-            wheels_rad_s: By the wheels.
-            variance: Of that, by the counts alone.
+            wheels_rad_s: The rate from the wheels.
+            variance: Its variance, from the counts alone.
 
         Returns:
             The rate in rad/s, and its variance.
@@ -194,16 +194,16 @@ class Heading:
         self._report_problem()
 
     def reset(self) -> None:
-        """The heading was set: both are right now."""
+        """Clear the errors of both, after the heading was set."""
         for each in self._filters:
             each.reset()
         self._added, self._apart = [0.0, 0.0, 0.0], _Turns()
         self._parted = self._error = 0.0
 
     def lose(self, variance: float) -> None:
-        """The heading became so much less sure, rad^2, by what neither sensor saw.
+        """Add variance, rad^2, for a turn that neither sensor saw.
 
-        The board may have restarted: its gyro has another zero then.
+        The board may have restarted, which gives its gyro another zero.
         """
         self._learn(self.bias_rad_s, BIAS_RAD_S**2, variance)
         self._rest = _Rest(self.bias_rad_s, BIAS_RAD_S**2)
@@ -213,7 +213,7 @@ class Heading:
             each.learn(bias, variance, unsure)
 
     def _lose_to(self, variance: float, granted: float) -> float:
-        """Lose what is beyond the variance that was granted, and return that."""
+        """Add the variance beyond the one already granted, and return the addition."""
         more = max(0.0, variance - granted)
         for each in self._filters:
             each.roll(more, 0.0)
@@ -232,8 +232,8 @@ class Heading:
         """Take in a step of the wheels.
 
         Args:
-            turn: What they counted, radians.
-            rolled: Variance of it by the distance that they rolled, rad^2.
+            turn: The turn that they counted, radians.
+            rolled: Its variance from the distance rolled, rad^2.
 
         Returns:
             The turn to add to theirs.
@@ -253,7 +253,7 @@ class Heading:
             for each in self._filters:
                 each.roll(rolled + slip, dt_s)
             return self._catch_up(CATCH_UP_RAD_S * dt_s)
-        # What its scale makes of a turn; the whole of it is in the filter's own account.
+        # The error of the scale in this turn; the filter keeps the exact account itself.
         noise = seen.noise + 0.25 * self._scale * self._scale * abs(gyro)
         rate = shown = seen.rate_rad_s - self.bias_rad_s
         unsure = self._tick_variance + (TIMING_S * rate) ** 2 + seen.held * seen.held
@@ -261,16 +261,16 @@ class Heading:
         if moving:
             unsure += shaking * SHAKEN_S * SHAKEN_S
         else:
-            # It may shake before the first tick, and after the last.
+            # The base may shake before the first tick, and after the last.
             unsure += shaking * dt_s * dt_s
             unknown = self._noise_rad_s**2 + shaking + self.bias_variance
             if (rate * dt_s) ** 2 > GATE * (unknown * dt_s * dt_s + self._tick_variance):
-                # The base is turned, or begins to shake. How late that shows is unsure.
+                # The base is being turned, or begins to shake. The delay of samples is uncertain.
                 slip += (rate * dt_s) ** 2
                 unsure += rate * rate * (LATE_S * LATE_S + dt_s * dt_s)
             rate = 0.0
         doubting = self._doubting
-        # A slip goes on for seconds: by two deviations of it, it is what this step shows.
+        # A slip lasts for seconds: its deviation is taken as twice the difference in this step.
         apart = turn - gyro + doubting.bias * dt_s
         slipped = max(rolled + slip, 4.0 * apart * apart if moving else 0.0)
         doubting.fuse(turn, gyro, dt_s, rate=rate, slip=slipped, noise=noise, unsure=unsure)
@@ -288,7 +288,7 @@ class Heading:
         return added
 
     def _catch_up(self, most: float) -> float:
-        """Take over the error of the filter, but for a jump; the turn to add to the wheels'."""
+        """Correct by the filter's error, without a jump; the turn to add to the wheels'."""
         missing = max(-most, min(most, self._filter.error - self._error))
         self._error += missing
         return -missing
@@ -304,7 +304,7 @@ class Heading:
             self._believing = None
 
     def _turned(self, turn: float) -> float:
-        """The turn of the wheels, but for the play in which ticks come and go."""
+        """The turn of the wheels, without the play in which ticks come and go."""
         self._wheels += turn
         low, high = self._wheels - self._play, self._wheels + self._play
         anchor = max(low, min(high, self._anchor))
@@ -312,7 +312,7 @@ class Heading:
         return turned
 
     def _compare(self, wheels: float, gyro: float, slip: float, dt_s: float) -> None:
-        """Does the gyro see what the wheels count, over a second?"""
+        """Compare the turns of gyro and wheels over a second."""
         window = self._window
         window.wheels += wheels
         window.gyro += gyro
@@ -335,10 +335,10 @@ class Heading:
         self._slipping = slipping
 
     def _check_sign(self, window: _Turns) -> None:
-        """Does the gyro turn with the wheels? Once it did, it always will."""
+        """Check whether the gyro turns with the wheels; once proved, this is final."""
         way, apart = self._way, self._apart
         if self._unchecked:
-            # Whichever way it turns, the wheels slipped by so much.
+            # With either sign of the gyro, the wheels slipped by at least this.
             apart.wheels += window.wheels
             apart.gyro += window.gyro
             apart.seconds += window.seconds
@@ -358,12 +358,12 @@ class Heading:
             self._sign = 1 if way.both > 0.0 else -1
 
     def _notice_bias(self, moving: bool, gyro: float, dt_s: float) -> None:
-        """What is an even rate beside wheels that stand: the bias, another one, or a turn?"""
+        """Decide whether an even rate beside standing wheels is the bias, a new one, or a turn."""
         rest = self._rest
         if moving or not self._gyro.believed:
             rest.clear()
             if self._doubted and moving and abs(rest.shown) <= PLAUSIBLE_RAD_S:
-                # A bias or a turn: the wheels will show it.
+                # A bias or a turn: the moving wheels will show which.
                 self._learn(rest.shown, (rest.shown - rest.zero) ** 2, 0.0)
                 self._doubted = False
             if not self._doubted:
@@ -377,7 +377,7 @@ class Heading:
                 rest.turned = 0.0
         rest.add(rate, dt_s)
         if self._doubted:
-            # It turned, or it did not.
+            # The base turned or it did not: the heading gets the difference as variance.
             rest.granted += self._lose_to(rest.turned**2, rest.granted)
         elif len(rest.rates) > EVEN_SAMPLES:
             known = rest.variance * rest.seconds**2 + noise * noise * rest.seconds * dt_s
@@ -401,7 +401,7 @@ class Heading:
             self._rest = _Rest(mean, mean_variance)
             return
         if not plausible:
-            # What the filter took for a bias is none, and lost.
+            # The filter took a turn for a bias: restore the last one.
             self._learn(rest.zero, rest.variance, (STEADY_S * (self.bias_rad_s - rest.zero)) ** 2)
         if plausible or STEADY_DEVIATIONS * math.sqrt(rest.variance) > PLAUSIBLE_RAD_S:
             rest.shown, self._doubted = mean, True
@@ -421,7 +421,7 @@ class Heading:
         if problem is not None:
             self._counters[f"gyro_{problem}"] += 1
         if problem == "implausible":
-            # What it added may be wrong; the heading stays where it is.
+            # Its latest corrections may be wrong: add their variance and keep the heading.
             self._lose_to(sum(self._added) ** 2, 0.0)
             self._added = [0.0, 0.0, 0.0]
         if problem is None:
@@ -432,7 +432,7 @@ class Heading:
 
 
 class _Turns:
-    """Sums of turns: of the wheels, of the gyro, of squares, and of the products of both."""
+    """Sums of the turns of wheels and gyro, of their squares, and of their products."""
 
     __slots__ = "wheels gyro slip seconds turned wheels_2 gyro_2 both".split()
 
@@ -446,10 +446,10 @@ class _Rest:
 
     Attributes:
         zero: The bias that it showed before.
-        pending: Variance for an even turn that may be none, as long as neither is sure, rad^2.
-        turned: By that, the base turned so far since.
+        pending: Variance for an even rate that may be a turn, while undecided, rad^2.
+        turned: The turn so far, if the rate is one, radians.
         granted: The variance that the heading has for it.
-        shown: The latest rate that was even, and another one.
+        shown: The latest even rate that differs from the bias.
     """
 
     __slots__ = "zero variance turned granted pending shown seconds rates".split()
@@ -484,8 +484,8 @@ _CAUSES: dict[Problem, str] = {
     "silent": "The board sends no samples of its inertial sensor",
     "saturated": "The gyro is at its limit: the robot turns faster than it can measure",
     "implausible": (
-        "The gyro shows what cannot be: it is stuck, its zero has jumped or the robot stands on "
-        "what turns, or it turns against the wheels (then correct imu.axes or imu.gyro_axes)"
+        "The gyro's rate is implausible: it is stuck, its zero jumped, the ground under it turns, "
+        "or it turns against the wheels (then correct imu.axes or imu.gyro_axes)"
     ),
     "unchecked": (
         "Which way the gyro turns was not checked: imu.gyro_scale is absent. Run `yahboomd "

@@ -6,23 +6,23 @@ errors begin at zero. The filter estimates
 - ``e``, the error of the wheels' heading: a random walk, as fast as the wheels may slip;
 - ``c``, the error of the gyro's heading: it grows by the bias and the noise;
 - ``b``, the gyro's bias, which wanders with temperature;
-- ``t``, by how much the gyro's samples are older than they are taken for;
+- ``t``, the delay of the gyro's samples beyond the assumed one;
 
 from what both can be compared by, ``W - G = e - c + t * rate``, known to a tick of the encoders.
 The fused heading is ``W - e``. So
 
-- wheels that stand do not slip: ``e`` stays, and all that ``W - G`` changes by is bias;
-- where the wheels are surer than the gyro the heading is theirs, to the tick; where they slip it is
-  the gyro's, less the bias that was learned;
-- without a gyro nothing is measured: the heading goes on from where it is, by the wheels.
+- standing wheels do not slip: ``e`` stays, and any change of ``W - G`` is bias;
+- if the wheels are more certain than the gyro, the heading is theirs, to the tick; if they slip, it
+  is the gyro's, less the learned bias;
+- without a gyro nothing is measured: the heading continues by the wheels.
 
-It is the filter whose states are augmented by the errors of the sensors (Maybeck, *Stochastic
-Models, Estimation and Control*, volume 1, 4.11 and 5.3). Where the two disagree by more than the
-filter expects, the noise of the wheels is raised until they do not (Bar-Shalom, Li and Kirubarajan,
+The states are augmented by the errors of the sensors (Maybeck, *Stochastic
+Models, Estimation and Control*, volume 1, 4.11 and 5.3). If the two disagree by more than the
+filter expects, the noise of the wheels is raised until they agree (Bar-Shalom, Li and Kirubarajan,
 *Estimation with Applications to Tracking and Navigation*, 11.2: adjustable level process noise).
 
-The error of the gyro's scale is considered and not estimated, since wheels that slip in every turn
-would be taken for it. ``pull`` is what it has made of each state, per unit (Schmidt's filter).
+The error of the gyro's scale is considered and not estimated, because wheels that slip in every
+turn look like it. ``pull`` is its effect on each state, per unit (Schmidt's filter).
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ from __future__ import annotations
 import math
 
 BIAS_RAD_S = 0.09
-"""Standard deviation of a bias of which nothing is known: the datasheets' zero, 5 degrees/s."""
+"""Standard deviation of an unknown bias: the datasheets' zero, 5 degrees/s."""
 
 BIAS_WALK = 1e-4
-"""The bias wanders by so much in a second, rad/s, and with the root of the time: a board of
-which the sensor warms up by 10 kelvin in five minutes."""
+"""The bias wanders by this in a second, rad/s, and with the root of the time: a board whose sensor
+warms up by 10 kelvin in five minutes."""
 
 LATE_S = 0.015
 """Standard deviation of how late the gyro's samples are: filters, and waiting in the board."""
 
 GATE = 25.0
-"""The wheels slip where the square of the innovation is so many times its variance."""
+"""The wheels slip if the square of the innovation is this many times its variance."""
 
 E, C, B, T = range(4)
 ZERO = (0.0, 0.0, 0.0, 0.0)
@@ -50,8 +50,8 @@ class HeadingFilter:
     """The states, and their covariance.
 
     Attributes:
-        doubt: How badly the measurements so far fit: minus their log-likelihood, but for a constant
-            of each step.
+        doubt: How badly the measurements so far fit: minus their log-likelihood, up to a constant
+            for each step.
         slipped: Whether wheels and gyro disagreed at the latest step.
     """
 
@@ -69,7 +69,7 @@ class HeadingFilter:
 
     @property
     def error(self) -> float:
-        """By how much the wheels' heading is beyond the fused one, radians."""
+        """The wheels' heading less the fused one, radians."""
         return self._state[E]
 
     @property
@@ -83,7 +83,7 @@ class HeadingFilter:
         return self._covariance[B][B]
 
     def variance(self, scale: float) -> float:
-        """The variance of the error; what slipped lately counts once the gyro has seen it.
+        """The variance of the error; a recent slip counts once the gyro has seen it.
 
         Args:
             scale: Standard deviation of the gyro's scale, as a share.
@@ -91,7 +91,7 @@ class HeadingFilter:
         return self._covariance[E][E] + (scale * self._pull[E]) ** 2
 
     def reset(self) -> None:
-        """Both headings are right now; what was learned of the gyro stays."""
+        """Clear the errors of both headings; the knowledge of the gyro stays."""
         self._state[E] = self._state[C] = self._apart = 0.0
         self._pull = list(ZERO)
         for one in (E, C):
@@ -99,11 +99,11 @@ class HeadingFilter:
                 self._covariance[one][other] = self._covariance[other][one] = 0.0
 
     def learn(self, bias: float, variance: float, unsure: float) -> None:
-        """The bias is this one, whatever was learned before.
+        """Replace the bias.
 
         Args:
             bias: In rad/s.
-            unsure: Variance that the heading gains by what the other one did to it, rad^2.
+            unsure: Variance that the heading gains from the error of the old bias, rad^2.
         """
         self._state[B], self._pull[B] = bias, 0.0
         for other in range(4):
@@ -114,7 +114,7 @@ class HeadingFilter:
                 self._covariance[one][other] += unsure
 
     def roll(self, slip: float, dt_s: float) -> None:
-        """A step without a gyro: the gyro's turn is taken to be the wheels', and as unsure.
+        """A step without a gyro: its turn is taken to be the wheels', with the same variance.
 
         Args:
             slip: Variance that the wheels' heading gains, rad^2.
@@ -137,7 +137,7 @@ class HeadingFilter:
         noise: float,
         unsure: float,
     ) -> None:
-        """A step that both saw.
+        """A step that both measured.
 
         Args:
             wheels: The turn that the wheels counted, radians.

@@ -14,11 +14,11 @@ AS_THEY_ARE = "x y z"
 
 
 def axes_problem(axes: str, *, rotation: bool) -> str:
-    """The fault of such words; empty where there is none.
+    """The mistake in these words; empty if there is none.
 
     Args:
         axes: The three words.
-        rotation: They have to be a rotation. Boards change signs so that theirs are none.
+        rotation: They must be a rotation. Some boards change signs, and show a mirror image.
     """
     words = axes.split()
     letters = [word.removeprefix("-") for word in words]
@@ -36,8 +36,8 @@ class Mounting:
 
     Args:
         axes: Its axes that point forward, left and up.
-        gyro_axes: The same for the gyro, where the board gives other signs.
-        gyro_factor: The true turn, for each turn that the gyro shows.
+        gyro_axes: The same for the gyro, if the board gives it other signs.
+        gyro_factor: The true turn per turn that the gyro shows.
     """
 
     __slots__ = "_axes _gyro_axes".split()

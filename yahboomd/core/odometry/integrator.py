@@ -1,12 +1,12 @@
 """Counts to pose.
 
-Law: heading comes from the integer totals, never from a sum of floats (but for what a gyro
-corrects); position advances by the
-exact arc of each step, plus the term that a changing curvature adds.
+Law: heading comes from the integer totals, never from a sum of floats (except a gyro's
+corrections); position advances by the exact arc of each step, plus the term that a changing
+curvature adds.
 
 Over one step with body travel ``u = (dx, dy)`` and turn ``φ`` at constant curvature, the
 exponential map of SE(2) gives the displacement ``R(θ + φ/2) · sinc(φ/2) · u`` (Lynch and Park,
-*Modern Robotics*, section 3.2.3; for ``dy = 0`` it is the arc of a differential drive). Where the
+*Modern Robotics*, section 3.2.3; for ``dy = 0`` it is the arc of a differential drive). If the
 curvature varies, the second term of the Magnus series adds ``-[ξ', ξ] h³/12`` to the exponent. With
 the derivative taken from the step before (length ``h'``, travel ``u'``, turn ``φ'``) that is::
 
@@ -29,7 +29,7 @@ SERIES_BELOW = 1e-2
 """Below this the first three terms of the series are sin(x)/x to the last bit: x⁶/5040 < 2e-16."""
 
 RATIO_MAX = 4
-"""Steps that differ by more than this factor tell too little of each other to correct with."""
+"""A step longer than this many times the one before is not corrected by it."""
 
 
 def sinc(x: float) -> float:
@@ -41,7 +41,7 @@ def sinc(x: float) -> float:
 
 
 class Arc(NamedTuple):
-    """One step as it was integrated: what the covariance needs for its Jacobians.
+    """One step as it was integrated, for the Jacobians of the covariance.
 
     Attributes:
         dx: Displacement in the odometry frame, metres.
@@ -73,9 +73,9 @@ class Doubt(NamedTuple):
     """A step that may turn out to have been a garbled reading.
 
     Attributes:
-        state: Of the integrator before it.
-        deltas: What was counted.
-        step_ns: How long it took.
+        state: State of the integrator before it.
+        deltas: Its counts.
+        step_ns: Its duration.
         correction: The turn that was added to that of the wheels.
     """
 
@@ -116,13 +116,13 @@ class Integrator:
         return Pose2d(x=self._x, y=self._y, theta=self._theta)
 
     def set_pose(self, pose: Pose2d, totals: Sequence[int]) -> None:
-        """Stand at ``pose`` from now on; ``totals`` are the counts that belong to it."""
+        """Set the pose; ``totals`` are the counts that belong to it."""
         self._x, self._y, self._theta = pose.x, pose.y, pose.theta
         self._theta_start, self._corrected_by = pose.theta, 0.0
         self._totals_start = tuple(totals)
 
     def interrupt(self) -> None:
-        """Discard the step before: what follows does not continue it."""
+        """Discard the step before: the next one does not continue it."""
         self._before = None
 
     def stand(self, step_ns: int) -> None:
@@ -130,7 +130,7 @@ class Integrator:
         self._before = (0.0, 0.0, 0.0, step_ns)
 
     def state(self) -> State:
-        """A snapshot, with which :meth:`go_back` takes back what follows."""
+        """A snapshot for :meth:`go_back`."""
         return self._x, self._y, self._theta, self._corrected_by, self._before
 
     def go_back(self, state: State) -> None:
@@ -150,10 +150,10 @@ class Integrator:
             deltas: Signed counts of this step, per motor.
             totals: Signed counts since start, this step included.
             step_ns: How long the step took on the board; only its ratio to the step before counts.
-            correction: What the base turned besides, by a surer sensor than the wheels.
+            correction: The turn beyond that of the wheels, by a more certain sensor, radians.
 
         Returns:
-            The displacement and what it was made of.
+            The displacement and the terms that it was made of.
         """
         x = y = turn = heading = 0.0
         for factors, delta, total, start in zip(

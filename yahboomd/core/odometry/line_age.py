@@ -1,11 +1,10 @@
-"""The age of a line's counts, where the board reads and reports them by different timers.
+"""The age of a line's counts, if the board reads and reports them by different timers.
 
-Law: both timers run by one clock. So with each line the age of its counts grows by what is left of
-the line's period behind whole periods of the other timer, and starts again where it would exceed
-one. Only the age of the first line is not known. Of all that are possible the one is right with
-which the speed of a wheel changes the steadiest.
+Law: both timers run by one clock. So from line to line the age of the counts grows by the line's
+period, modulo the period of the other timer. Only the age of the first line is unknown. The right
+one of all possible ages makes the speed of a wheel change most steadily.
 
-The moments of the lines follow their arrivals slowly, since these are late by more or less.
+The moments of the lines follow their arrivals slowly, because delays vary.
 """
 
 from __future__ import annotations
@@ -16,31 +15,31 @@ STEP_NS = 1_000_000
 """Timers count whole milliseconds."""
 
 FAST_TICKS = 12
-"""Lines with fewer counts say nothing of their age."""
+"""Lines with fewer counts do not show their age."""
 
 WEIGHT = 1.0 / 30.0
 """The weight of the latest line in the unsteadiness of the speed."""
 
 ENOUGH = 24
-"""So many fast lines before an age is believed."""
+"""The fast lines that are needed before an age is believed."""
 
 CLEARLY = 3.0
-"""The second best age is at least so much worse."""
+"""The second best age must be at least this many times worse."""
 
 FOLLOW = 0.1
-"""The time by which the moment of a line follows its arrival."""
+"""The share of its delay by which the moment of a line follows its arrival."""
 
 
 class LineAge:
-    """The lines of one board.
+    """Estimates the age of the counts in each line of a board.
 
     Args:
-        line_ns: From line to line.
-        tick_ns: From reading to reading of the encoders.
+        line_ns: The time from line to line.
+        tick_ns: The time from reading to reading of the encoders.
 
     Attributes:
-        age_ns: Of the latest line's counts; None where it is not known.
-        step_ns: From the sampling of the line before to that of the latest one; None likewise.
+        age_ns: Age of the latest line's counts; None if unknown.
+        step_ns: Time from the sampling of the line before to that of the latest; None if unknown.
         moment: When the latest line left, in the time of the arrivals.
     """
 
@@ -55,7 +54,7 @@ class LineAge:
         self.forget()
 
     def forget(self) -> None:
-        """The next line does not continue those before."""
+        """Start again: the next line does not continue those before."""
         self._ages = list(self._first)
         self._paces = [0.0] * len(self._ages)
         self._changes = [math.nan] * len(self._ages)
@@ -69,7 +68,7 @@ class LineAge:
         """Take in a line.
 
         Args:
-            arrival: When it left the board, as far as its arrival tells.
+            arrival: When it left the board, as its arrival shows.
             moved: Counts of the busiest wheel since the line before.
         """
         if self.moment is None:
@@ -90,7 +89,7 @@ class LineAge:
         self.step_ns = steps[best] if known else None
 
     def _step(self, index: int, lines: int, moved: int) -> int:
-        """Go on with one of the ages; return the time from sampling to sampling that it means."""
+        """Advance one of the ages; return the time from sampling to sampling that it implies."""
         before, pace = self._ages[index], self._paces[index]
         after = (before + lines * self._line_ns) % self._tick_ns
         step_ns = lines * self._line_ns - after + before

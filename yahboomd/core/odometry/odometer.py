@@ -1,11 +1,10 @@
 """Computes estimates from readings: the one entry to this room.
 
-Law: a pose goes out for a new reading only, with the moment at which the board sampled it, and
-nothing that happens on the wire makes it jump. What is lost is reported, as an event and in the
-covariance.
+Law: each pose belongs to a new reading and has the time at which the board sampled it, and nothing
+that happens on the wire makes it jump. Lost travel is reported, as an event and in the covariance.
 
-An estimate needs two readings, because a velocity does: none is made of the first one of all, nor
-of the one that ends a discontinuity. At rest a streaming board repeats its totals; each tick of its
+An estimate needs two readings, because a velocity does: the first reading of all gives none, nor
+does one that ends a discontinuity. At rest a streaming board repeats its totals; each tick of its
 clock is a new reading all the same, with a new stamp.
 """
 
@@ -38,20 +37,20 @@ from yahboomd.core.odometry.streamed_clock import StreamedClock
 from yahboomd.core.odometry.velocity import LONGEST_NS, VelocityEstimator, Window
 
 UNSEEN_NS = 150_000_000
-"""In a longer step a base may go and turn in an unknown order."""
+"""In a longer step, the order in which a base goes and turns is unknown."""
 
 ASKED_TICK_NS = 10_000_000
 SHORTEST_ASKED_NS = 15_000_000
 """A board that is asked renews its totals every 10 ms at times that it does not report: counts over
-less than this, as after a break, make no speed."""
+less than this, as after a break, give no speed."""
 
 
 CARRIED_NS = 50_000_000
-"""The heading is carried on by the gyro from counters that were read so long ago at most."""
+"""The gyro carries the heading on from counters that were read at most this long ago."""
 
 RESTS = 25
-"""After so many readings without a count, each with an estimate, all windows show standing wheels:
-the next such reading shows no more than that they stand on."""
+"""After this many readings without a count, each with an estimate, all windows show standing
+wheels: another such reading changes the time only."""
 
 SILENCE_NS = 300_000_000
 """A longer pause between readings counts as a gap: the board may have been reset."""
@@ -61,7 +60,7 @@ class Update(msgspec.Struct, frozen=True, kw_only=True):
     """The result of one reading.
 
     Attributes:
-        estimate: The new estimate; None where the reading shows nothing new.
+        estimate: The new estimate; None if the reading shows nothing new.
     """
 
     estimate: OdometryEstimate | None = None
@@ -72,14 +71,14 @@ NOTHING = Update()
 
 
 class Odometer:
-    """Computes where the robot is from the board's counts.
+    """Computes the robot's pose from the board's counts.
 
     Args:
         motors: The motors on the board; estimates list them in this order.
         speed_max_m_s: A rim speed that no wheel reaches; a larger step is no travel. The fastest of
             the vendor's motors with its wheel runs 1.93 m/s.
         noise_m: Variance of a wheel's travel per metre rolled.
-        fused: The heading is that of wheels and gyro, where the board has one; else the wheels'.
+        fused: The heading is that of wheels and gyro, if the board has one; else the wheels'.
         gyro_scale: Standard deviation of the gyro's scale, as a share; None leaves it to the
             sensor.
 
@@ -163,7 +162,7 @@ class Odometer:
 
     @property
     def tick_period_ns(self) -> int | None:
-        """The period at which the board renews its totals, as measured; None where no tick fits."""
+        """The period at which the board renews its totals, as measured; None if no tick fits."""
         clock = self._clock
         if isinstance(clock, StreamedClock) and clock.renewal.fits:
             return round(clock.renewal.period)
@@ -177,8 +176,8 @@ class Odometer:
         Args:
             period_ns: How often it renews its totals; None for a board that is asked.
             each_line: It renews them with each line that it sends.
-            age_ns: How old they may be then: it reads its encoders so often, by a clock that the
-                lines do not show.
+            age_ns: The period at which such a board reads its encoders, by a clock that the lines
+                do not show: the totals are at most this old.
         """
         if (period_ns, each_line, age_ns) == self._renewal:
             return
@@ -194,14 +193,14 @@ class Odometer:
             )
 
     def armed(self) -> None:
-        """The board was asked to stream: lines from now on prove no more than that."""
+        """Note a request to stream: lines after it do not prove that the board ran on."""
         self._armed += 1
 
     def set_pose(self, pose: Pose2d, covariance: Matrix3 | None = None) -> None:
-        """Set the pose of the base. Totals go on.
+        """Set the pose of the base. The totals continue.
 
         Args:
-            covariance: How sure that is, over (x, y, theta), row by row; None for sure.
+            covariance: Its covariance over (x, y, theta), row by row; None if it is exact.
         """
         self._integrator.set_pose(pose, self._encoders.totals)
         self._heading.reset()
@@ -213,7 +212,7 @@ class Odometer:
             )
 
     def steer(self, curvature_per_m: float, now_ns: int) -> None:
-        """A car that steers was commanded to drive this curve; to the left is positive."""
+        """Note the curve that a car was commanded to drive; to the left is positive."""
         if self._steering is not None:
             self._steering.command(curvature_per_m, now_ns)
 
@@ -222,11 +221,11 @@ class Odometer:
         heading, covariance = self._heading, self._covariance
         self._unmoved = 0
         if not heading.present:
-            # The wheels came so far alone.
+            # Until now, the heading came from the wheels alone.
             heading.lose(covariance.gained)
         heading.accept(reading)
         stamp_ns = reading.sent_ns - reading.sensor.delay_ns
-        # Since the counters were read, at most a cycle ago, the gyro alone has seen it turn.
+        # Only the gyro has seen the turn since the counters were read, at most a cycle ago.
         since_ns = max(-CARRIED_NS, min(CARRIED_NS, stamp_ns - self._stamp_ns))
         turn = (reading.gyro_rad_s[2] - heading.bias_rad_s) * since_ns * 1e-9
         theta = self._integrator.pose.theta - (0.0 if self._fused else heading.error)
@@ -243,10 +242,10 @@ class Odometer:
         """Take in a reading.
 
         Args:
-            reading: The counters, as they came. Readings come in the order of their sending.
+            reading: The counters. Readings come in the order in which they were sent.
 
         Returns:
-            A new estimate where the reading shows something new, and what happened.
+            A new estimate if the reading shows something new, and the events.
         """
         update = self._update(reading)
         if self._news:
@@ -275,15 +274,15 @@ class Odometer:
         if reading.after_reset:
             encoders.announce("reset")
         elif reading.after_gap or sent_ns - self._heard_ns > SILENCE_NS:
-            # A stream that ran before it was armed was on since the last reading that counted.
+            # A stream that ran before the request has run since the last reading that counted.
             encoders.announce(
                 "gap", unbroken=reading.unbroken and self._armed <= 1, speeds_m_s=self._speeds
             )
         self._heard_ns = sent_ns
-        # At the end of a session questions are asked of which no time is known.
+        # At the end of a session, requests are sent whose time is not known.
         self._asked = self._asked or reading.requested_ns is not None
         if encoders.repeats(reading.ticks):
-            # What a board that streams says most of the time: nothing is to be judged.
+            # A board that streams repeats its line most of the time: there is nothing to judge.
             self._armed = 0
             instant = clock.observe(reading)
             if not instant.step_ns:
@@ -294,7 +293,7 @@ class Odometer:
                 return self._stand_on(instant)
             before = self._window
             update = self._travel(encoders.unmoved(), instant)
-            # Steering and gyro have news of wheels that stand as well.
+            # Steering and gyro change the estimate of standing wheels as well.
             alone = self._steering is None and not self._heading.present
             counts = usual and alone and self._window is not before
             self._unmoved = self._unmoved + 1 if counts else 0
@@ -328,7 +327,7 @@ class Odometer:
         return self._discontinuity(verdict, instant)
 
     def _stand_on(self, instant: Instant) -> Update:
-        """Go on where the wheels have stood for long: all but the time is as it was."""
+        """Continue while wheels have stood for long: only the time changes."""
         self._newest()
         self._stamp_ns = instant.stamp_ns
         self._integrator.stand(instant.step_ns)
@@ -342,7 +341,7 @@ class Odometer:
         encoders.accept(verdict)
         totals = encoders.totals
         deltas = verdict.deltas
-        # Standing still is a step as well: the correction has to know that there was no motion.
+        # A step without motion is passed on as well: the correction needs to know of it.
         if verdict.strayed:
             self._stray(verdict, instant)
         else:
@@ -367,7 +366,7 @@ class Odometer:
         if not window.span_ns:
             return NOTHING
         if self._asked and self.estimate is not None:
-            # Counters that stay say nothing, unless it is certain that they were renewed meanwhile.
+            # Unchanged counters prove nothing, unless they were certainly renewed meanwhile.
             sure_ns = window.span_ns if any(window.deltas) else window.span_ns - window.unsure_ns
             if sure_ns < SHORTEST_ASKED_NS:
                 return NOTHING
@@ -376,7 +375,7 @@ class Odometer:
         return NOTHING
 
     def _correction(self, deltas: tuple[int, ...], instant: Instant) -> float:
-        """The turn of the base beyond what its wheels counted, by its steering and its gyro."""
+        """The turn of the base beyond that of its wheels, from its steering and its gyro."""
         heading, steering = self._heading, self._steering
         if steering is None and not heading.present:
             return 0.0
@@ -394,12 +393,12 @@ class Odometer:
         return self._heading.variance if self._fused and self._heading.present else None
 
     def _stray(self, verdict: Verdict, instant: Instant) -> None:
-        """A step to where no wheel was heading; a second one takes the first one back.
+        """Take a step to where no wheel was heading; a second one takes the first one back.
 
         A garbled reading that was believed for want of others makes two such steps, there and back.
-        Counted one by one they would leave the base beside its way, for it seemed to have turned in
-        between. Counted as one, they end where it is; and where both were real that is no worse
-        than a reading that was missed.
+        Counted one by one they would leave the base beside its way, because it seems to have turned
+        in between. Counted as one, they end at the true place; if both were real, that is no worse
+        than a missed reading.
         """
         integrator, doubt = self._integrator, self._doubt
         before, pose = integrator.state(), integrator.pose
@@ -426,11 +425,11 @@ class Odometer:
             integrator.go_back(before)
         arc = integrator.integrate(verdict.deltas, totals, step_ns, correction)
         self._covariance.propagate(verdict.deltas, arc, self._fused_variance)
-        # Several readings in one, or a garbled one: the order of going and turning is not known.
+        # Several readings in one, or a garbled one: the order of going and turning is unknown.
         self._covariance.bridge(arc)
 
     def _newest(self) -> OdometryEstimate:
-        """The estimate of now; where wheels stand on all but its stamp is that of before."""
+        """The latest estimate; while wheels stand, only its stamp changes."""
         window, self._window = self._window, None
         if window is None:
             assert self.estimate is not None
@@ -461,14 +460,14 @@ class Odometer:
     def _discontinuity(self, verdict: Verdict, instant: Instant) -> Update:
         gap_ns = instant.step_ns
         if self._news:
-            # Its speeds say how far the wheels may have gone since.
+            # Its speeds limit how far the wheels may have gone since.
             self._newest()
             self._news = False
         self._stamp_ns = instant.stamp_ns
         self._encoders.accept(verdict)
         totals = self._encoders.totals
         self._integrator.interrupt()
-        # At the first reading of all the wheels stand, most of the time: it need not wait.
+        # At the first reading of all the wheels usually stand: the speed need not wait.
         rough_ns = 0 if verdict.outcome == "baseline" else self._clock.rough_ns
         self._velocity.interrupt(None if instant.unsure_ns else totals, rough_ns)
         self._doubt = None

@@ -1,8 +1,8 @@
-"""The moments at which a board that is asked sampled its counters.
+"""When a board that is asked sampled its counters.
 
-Law: stamps increase, and none is later than the moment at which its line left the board. Where a
-burst of late lines leaves no room between the two, a reading is passed over: its counts are in the
-next one as well. Steps are counted in the board's own time.
+Law: stamps increase, and none is later than the moment at which its line left the board. If a burst
+of late lines leaves no room between the two, a reading is skipped: the next one contains its
+counts. Steps are measured in the board's own time.
 
 A board that is asked answers at once: its stamp is the request's time plus the shortest turn-round.
 """
@@ -19,14 +19,14 @@ from yahboomd.core.model import EncoderReading
 TURN_ROUNDS = 64
 
 PROMPT_NS = 20_000_000
-"""An answer that took no longer than this over the shortest was prompt: the worst USB latency."""
+"""An answer at most this much slower than the shortest is prompt: the worst USB latency."""
 
 PROMPT_ANSWERS = 3
-"""The prompt answers in a row, each to a question of its own, that pair both again."""
+"""The prompt answers in a row, each to its own request, that pair answers and requests again."""
 
 PAIRED_NS = 2_000_000
-"""An answer that took longer than this over the shortest may answer an earlier question: such a
-board works on a backlog, and sampled at any time since the newest question."""
+"""An answer slower than the shortest by more than this may answer an earlier request: such a board
+works on a backlog, and sampled at any time since the newest request."""
 
 
 class Instant(msgspec.Struct, frozen=True):
@@ -34,10 +34,10 @@ class Instant(msgspec.Struct, frozen=True):
 
     Attributes:
         stamp_ns: When the board sampled; monotonic nanoseconds of the host.
-        step_ns: How long after the last accepted reading, on the board's clock; 0 for a reading
-            that shows nothing new.
-        unsure_ns: How long before its line left the board may have sampled, where that is more than
-            an ordinary delay; of a stream, how much shorter the step may have been.
+        step_ns: Time since the last accepted reading, on the board's clock; 0 for a reading that
+            shows nothing new.
+        unsure_ns: The longest time from the sampling until the line left, if it exceeds an
+            ordinary delay; of a stream, how much shorter the step may have been.
     """
 
     stamp_ns: int
@@ -48,12 +48,12 @@ class Instant(msgspec.Struct, frozen=True):
 class PolledClock:
     """Stamps of a board that answers requests.
 
-    Without the time of the request a stamp is the moment the answer left the board, with the
-    receiving side's jitter in it. With it, the jitter is taken off: the shortest time from a
-    request to its answer, of the last 64, is the board's own.
+    Without the time of the request, a stamp is the moment the answer left the board, with the
+    receiving side's jitter in it. With it, the stamp is the request's time plus the shortest of
+    the last 64 turn-rounds, which is the board's own.
 
     Args:
-        after_ns: The last stamp that was given out, by another clock; 0 for none.
+        after_ns: The last stamp of another clock; 0 for none.
     """
 
     __slots__ = "_turn_rounds _stamp_ns _requested_ns _sole _prompt".split()
@@ -72,14 +72,14 @@ class PolledClock:
         return self._stamp(reading)
 
     def fresh(self, reading: EncoderReading) -> bool:  # noqa: ARG002
-        """An old answer disagrees with the next one, which tells."""
+        """Always: an old answer is recognised because the next one disagrees."""
         return True
 
     def pass_over(self, reading: EncoderReading) -> None:
-        """A line came whose counts are not used."""
+        """Note a line whose counts are not used."""
 
     def restart(self, reading: EncoderReading) -> Instant:
-        """Go on after a break: the step is the time since the last stamp.
+        """Continue after a break: the step is the time since the last stamp.
 
         The board needs as long for an answer as before: the first one after the break may have
         waited for a process that did not run.
@@ -88,13 +88,13 @@ class PolledClock:
         return self.observe(reading)
 
     def resume(self, reading: EncoderReading, *, ticks: int) -> Instant:  # noqa: ARG002
-        """Go on after a gap in which the board went on counting."""
+        """Continue after a gap in which the board kept counting."""
         return self.restart(reading)
 
     def elapsed_at_most_ns(self, reading: EncoderReading) -> int:
         """The longest time that can have passed since the last accepted reading.
 
-        The board sampled before it sent, but it may have heard the request late.
+        The board sampled before it sent, but it may have received the request late.
         """
         return reading.sent_ns - self._stamp_ns
 
@@ -109,8 +109,8 @@ class PolledClock:
 
         Args:
             ticks: Not used.
-            least_ns: The least time that its travel takes: a request that was heard late is
-                recognised by it.
+            least_ns: The least time that its travel takes: it shows a request that was received
+                late.
         """
         unsure_ns, sent_ns = 0, reading.sent_ns
         if reading.requested_ns is not None:
@@ -130,16 +130,16 @@ class PolledClock:
         self._requested_ns = requested_ns
         sole = own and earliest_ns in (None, requested_ns)
         if self._sole and not sole:
-            # A question was not answered in time: which one is answered now is open.
+            # A request was not answered in time: the next answer may be to any of them.
             self._prompt = 0
         self._sole = sole
         shortest_ns = min(turn_rounds, default=took_ns if sole else 0)
-        # One that left before the newest question was there answers an earlier one.
+        # An answer that left before the newest request answers an earlier one.
         prompt = own and took_ns > 0 and -1_000_000 <= took_ns - shortest_ns <= PROMPT_NS
         self._prompt = self._prompt + 1 if prompt else 0
         paired = self._prompt >= PROMPT_ANSWERS
         if sole or (paired and took_ns - shortest_ns <= PAIRED_NS):
-            # Of an answer to another question the turn-round would be too short.
+            # The turn-round of an answer to another request would be too short.
             turn_rounds.append(took_ns)
         elif paired:
             return took_ns - shortest_ns

@@ -1,12 +1,12 @@
 """The whole state of an odometer as bytes, and back.
 
-Law: an odometer that was restored goes on bit by bit as the one that was saved.
+Law: a restored odometer continues bit by bit like the one that was saved.
 
-The state is walked attribute by attribute, and written as MessagePack: numbers exactly as they are,
-objects by the names of their classes. Only the classes of this room and of the nouns that it keeps
-are ever made of such bytes, and none of their code runs, so that a state from a stranger's file is
-safe to restore. What a constructor makes of the robot's geometry is in the state too: it is
-restored over an odometer that was made with the same arguments.
+The state is walked attribute by attribute, and written as MessagePack: numbers exactly, objects by
+the names of their classes. Restoring creates only classes of this room and of the nouns that it
+keeps, and runs none of their code, so that a state from a stranger's file is safe to restore. The
+state includes values that a constructor computes from the robot's geometry: restore it into an
+odometer that was made with the same arguments.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ _CLASSES: dict[str, type] = {
     for each in vars(room).values()
     if isinstance(each, type) and each.__module__ == name
 }
-"""Those of all files that an odometer imports."""
+"""The classes of all files that an odometer imports."""
 
 _PLAIN = (bool, int, float, str, type(None))
 
 Written: TypeAlias = Any
-"""Plain values as they are; else a list of a mark and what belongs to it."""
+"""Plain values as they are; else a list of a mark and its content."""
 
 
 class NotAState(ValueError):
-    """Bytes are no state of such an odometer."""
+    """The bytes are not a state of such an odometer."""
 
 
 def save(odometer: Odometer) -> bytes:
@@ -44,14 +44,14 @@ def save(odometer: Odometer) -> bytes:
 
 
 def restore(odometer: Odometer, state: bytes) -> None:
-    """Put a fresh odometer into a state.
+    """Restore a saved state into a fresh odometer.
 
     Args:
         odometer: Made with the arguments of the one that was saved.
-        state: Of that.
+        state: The result of :func:`save`.
 
     Raises:
-        NotAState: It is none, as of another version.
+        NotAState: The bytes are no state, or one of another version.
     """
     try:
         written = msgspec.msgpack.decode(state)
@@ -64,8 +64,8 @@ def restore(odometer: Odometer, state: bytes) -> None:
 
 
 def _attributes(thing: object) -> dict[str, Written]:
-    # All have slots. Where objects have a dict, Python 3.11 and 3.12 make it when it is looked at,
-    # and reach attributes more slowly from then on: the daemon took a tenth more of its CPU.
+    # All have slots. Looking at an object's dict makes Python 3.11 and 3.12 create it, and slows
+    # every access from then on: the daemon took a tenth more of its CPU.
     names = next(each.__slots__ for each in type(thing).__mro__ if each.__name__ in _CLASSES)  # type: ignore[attr-defined]
     return {name: _written(getattr(thing, name)) for name in names if hasattr(thing, name)}
 
@@ -93,13 +93,13 @@ def _written(value: object) -> Written:
 
 
 def _fill(thing: object, written: dict[str, Written]) -> None:
-    """Give an object its attributes; those that are objects stay the same ones."""
+    """Set an object's attributes; those that are objects keep their identity."""
     for name, value in written.items():
         setattr(thing, name, _value(getattr(thing, name, None), value))
 
 
 def _value(present: Any, written: Written) -> Any:  # noqa: ANN401 - any attribute
-    """What was written; in the object that is present, where others may refer to it."""
+    """The value that was written, in the present object if others may refer to it."""
     if not isinstance(written, list):
         return written
     mark, *rest = written

@@ -1,8 +1,8 @@
-"""The turn of a car that steers: by its rear wheels, and by where its front wheels point.
+"""The turn of a car that steers, from its rear wheels and from the angle of its front wheels.
 
-On a curve of curvature ``k`` a car that travels ``s`` turns by ``k s``, as long as its tyres roll;
-``k = tan(angle) / wheel base``. Where the front wheels point is what they were commanded, for
-boards do not measure it: within a degree or so, and once the servo has arrived. Both turns are
+A car that travels ``s`` on a curve of curvature ``k`` turns by ``k s`` while its tyres roll;
+``k = tan(angle) / wheel base``. Boards do not measure the angle of the front wheels, so the
+commanded one is used: right within a degree or so, once the servo has arrived. Both turns are
 weighted by their variances.
 """
 
@@ -12,17 +12,17 @@ ANGLE_RAD = 0.02
 """Standard deviation of the angle of the front wheels: play, trim and the servo's steps."""
 
 ARRIVES_NS = 300_000_000
-"""After a change the servo has arrived so much later."""
+"""The time after a change until the servo has arrived."""
 
 ALONG_M = 1.0
-"""An angle is off for about so long a stretch of the way."""
+"""The distance over which an error of the angle lasts."""
 
 SAME_PER_M = 0.02
-"""Curvatures that differ by less are one."""
+"""Curvatures that differ by less count as one."""
 
 
 class Steering:
-    """The knowledge of a turn by the steering.
+    """Corrects the turn of the rear wheels by the steering.
 
     Args:
         base_m: From the rear axle to the front one.
@@ -36,7 +36,7 @@ class Steering:
         self._arrived_ns = 0
 
     def command(self, curvature_per_m: float, now_ns: int) -> None:
-        """The car was commanded to drive this curve; to the left is positive."""
+        """Note the commanded curve; to the left is positive."""
         if self._per_m is None or abs(curvature_per_m - self._per_m) > SAME_PER_M:
             self._arrived_ns = now_ns + ARRIVES_NS
             self._per_m = curvature_per_m
@@ -47,9 +47,9 @@ class Steering:
         """Weigh the turn of a step.
 
         Args:
-            travel_m: How far the rear wheels rolled, forward.
-            turn: What they counted, radians.
-            variance: Of that, rad^2.
+            travel_m: Travel of the rear wheels, forward.
+            turn: The turn that they counted, radians.
+            variance: Its variance, rad^2.
             now_ns: When the counters were sampled.
 
         Returns:

@@ -1,19 +1,19 @@
-"""The moments at which a board that streams sampled its counters.
+"""When a board that streams sampled its counters.
 
-Law: stamps increase, and none is later than the moment at which its line left the board. Where a
-burst of late lines leaves no room between the two, a reading is passed over: its counts are in the
-next one as well. Steps are counted in the board's own time.
+Law: stamps increase, and none is later than the moment at which its line left the board. If a burst
+of late lines leaves no room between the two, a reading is skipped: the next one contains its
+counts. Steps are measured in the board's own time.
 
-A board that streams renews its totals on a tick of its own (10 ms) and sends lines at another rate;
-between the two lies a USB bridge that may hold bytes back for up to 16 ms. What is certain: a line
+A board that streams renews its totals on a tick of its own (10 ms) and sends lines at another rate,
+through a USB bridge that may hold bytes back for up to 16 ms. But a line
 with the totals of tick n cannot arrive before tick n. So arrival times, plotted over the number of
 the tick, lie above a straight line, whose offset is the phase of the board's clock and whose slope
-its true period; the line is found from below (:mod:`yahboomd.core.odometry.envelope`). Ticks are
-counted while the wheels turn fast enough that every tick changes the totals; at rest and at a crawl
-time counts them, and stamps are good to a tick.
+is its true period; the line is fitted from below (:mod:`yahboomd.core.odometry.envelope`). Ticks
+are counted while the wheels turn fast enough that every tick changes the totals; at rest and at a
+crawl they follow from time, and stamps are good to a tick.
 
-The period is measured all the time (:mod:`yahboomd.core.odometry.tick_meter`), since other firmware
-has another one. Where none fits, lines are stamped by their arrival.
+The period is measured all the time (:mod:`yahboomd.core.odometry.tick_meter`), because other
+firmware has another one. If none fits, lines are stamped by their arrival.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ from yahboomd.core.odometry.polled_clock import Instant
 from yahboomd.core.odometry.tick_meter import FAST_TICKS, TickMeter, TickPeriod
 
 EARLY_NS = 3_000_000
-"""The earliest that a line may come before its tick; an earlier one was numbered wrongly."""
+"""The most that a line may come before its tick; an earlier one was numbered wrongly."""
 
 STEADY_NS = 500_000_000
-"""Lines that are late for so long, all of them, have been numbered too low."""
+"""Lines that are all late for this time were numbered too low."""
 
 QUIET_TICKS = 1.5
 """Lines without a change are repeats, unless they go on for longer than this."""
@@ -41,18 +41,18 @@ COUNTED_TICKS = 50
 """Over a longer gap the pace of the counts does not tell how many ticks have passed."""
 
 SKIPPED_TICKS = 3.5
-"""A step within a backlog that has more of them ends behind lines that were dropped."""
+"""A step within a backlog that spans more ticks follows lines that were dropped."""
 
 SOON = 0.3
-"""Counts that change sooner after the last ones, in ticks, wait for the next line."""
+"""Counts that change sooner than this after the last ones, in ticks, wait for the next line."""
 
 
 class StreamedClock:
-    """Stamps of a board that renews its totals every ``period_ns`` and sends them at its leisure.
+    """Stamps of a board that renews its totals every ``period_ns`` and sends them at another rate.
 
     Args:
         period_ns: The nominal period of the totals.
-        after_ns: The last stamp that was given out, by another clock; 0 for none.
+        after_ns: The last stamp of another clock; 0 for none.
         each_line: The totals are new with each line, and a line comes every ``period_ns``: there is
             no tick to look for, and stamps follow the lines.
         age_ns: With ``each_line``, how old the totals of a line may be when it leaves.
@@ -85,14 +85,14 @@ class StreamedClock:
         self._pace = 0.0  # counts a tick, of late; 0 where ticks do not all show
         self._run_start = 0.0  # arrival of the run's tick 0
         self._quiet = 0  # lines since the last change
-        self._left_out = 0  # counts of lines that were passed over
+        self._left_out = 0  # counts of lines that were skipped
         self._late_since = 0.0
         self._late_least = math.inf
         self._late_count = 0
-        # Before a silence, where the time of the reading after it is not known: it came in a burst.
+        # Time before a silence, if the reading after it came in a burst and its time is unknown.
         self._adrift: float | None = None
-        self._broke = False  # lines stayed away, and how late they are is not settled yet
-        self._left = 0.0  # when the line left that was looked at before it is stamped
+        self._broke = False  # lines were missing, and their delay is not known yet
+        self._left = 0.0  # when the line left that `fresh` took in, before it is stamped
         self._arrived = False
 
     @property
@@ -102,7 +102,7 @@ class StreamedClock:
 
     @property
     def unseen_ns(self) -> float:
-        """The period of a timer that renews the totals and that the lines have not shown yet."""
+        """The period of a timer that renews the totals, unless the lines have shown it already."""
         seen = self._lines is None or self._lines.step_ns is not None
         return 0.0 if seen else self._age
 
@@ -119,11 +119,11 @@ class StreamedClock:
         return reading.sent_ns - round(self._behind(self.renewal.period))
 
     def _behind(self, period: float) -> float:
-        """The distance of a line's stamp behind the line where no tick shows."""
+        """How far a line's stamp lies behind the line while no tick shows."""
         return 0.5 * (self._age if self._each_line else period)
 
     def fresh(self, reading: EncoderReading) -> bool:
-        """Whether a line just left, and did not wait in a backlog. It is handed over once more."""
+        """Whether a line just left, and did not wait in a backlog. It is passed in once more."""
         if self._base_ns is None:
             return True
         self._left, self._arrived = self._arrive(reading), True
@@ -138,12 +138,12 @@ class StreamedClock:
         return self._arrivals.add(float(reading.sent_ns - self._base_ns), wire)
 
     def pass_over(self, reading: EncoderReading) -> None:
-        """A line came whose counts are not used."""
+        """Note a line whose counts are not used."""
         if self._base_ns is not None:
             self._arrive(reading)
 
     def restart(self, reading: EncoderReading) -> Instant:
-        """Go on after a break: the phase is unknown, the step is the time since the last stamp."""
+        """Continue after a break, phase unknown: the step is the time since the last stamp."""
         sent_ns = reading.sent_ns
         if self._base_ns is None:
             self._base_ns = sent_ns
@@ -160,18 +160,18 @@ class StreamedClock:
         self._time = left - self._behind(self.renewal.period)
         before_ns = self._stamp_ns
         if before_ns and not steady:
-            # It was sampled at some time since the last stamp: that one stays, so that what was
-            # travelled since has room behind it.
+            # It was sampled at some time since the last stamp, which stays: the travel since then
+            # needs room behind it.
             step_ns = max(1, sent_ns - before_ns)
             return Instant(before_ns, step_ns, step_ns)
-        # No estimate is made of it: where there is no room, the last stamp stays.
+        # It gives no estimate: without room, the last stamp stays.
         if self._room(sent_ns, 0.0):
             self._stamp(self._time, 0.0, sent_ns)
         step_ns = max(1, self._stamp_ns - before_ns) if before_ns else 0
         return Instant(self._stamp_ns, step_ns)
 
     def resume(self, reading: EncoderReading, *, ticks: int) -> Instant:
-        """Go on after a gap in which the board went on counting: its ticks did as well.
+        """Continue after a gap in which the board, and so its ticks, kept counting.
 
         Args:
             reading: The first after the gap.
@@ -199,7 +199,7 @@ class StreamedClock:
         """Stamp a reading.
 
         Args:
-            reading: It; only when its line left the board matters.
+            reading: The reading; only the time at which its line left the board matters.
             ticks: The largest change of any counter since the last accepted reading.
             least_ns: The least time that this change takes.
         """
@@ -222,7 +222,7 @@ class StreamedClock:
         return instant
 
     def _end_drift(self, sent_ns: int, left: float, ticks: int, least_ns: float) -> Instant:
-        """Lines come steadily again; when the last accepted one was sampled is not known."""
+        """Lines come steadily again; the sampling time of the last accepted one is unknown."""
         if not self._room(sent_ns, least_ns):
             self._left_out = ticks
             return Instant(self._stamp_ns, 0)
@@ -243,13 +243,13 @@ class StreamedClock:
         none = Instant(self._stamp_ns, 0)
         if self._pace and (steady or self._envelope.settled):
             if not steady and ticks > SKIPPED_TICKS * self._pace:
-                # What a backlog lost may have lasted longer than its counts tell.
+                # Lines that a backlog lost may have taken longer than its counts show.
                 return none
             passed = self._running(arrival, ticks, period)
             if ticks:
                 passed = max(passed, math.ceil(least_ns / period))
         elif not steady:
-            # How long these lines were held back is not known; they are in the next that is not.
+            # The delay of these lines is unknown; the next steady line contains their counts.
             if self._lines is not None:
                 self._lines.forget()
             return none
@@ -268,11 +268,11 @@ class StreamedClock:
             counted = passed * period
             step = counted if timed and running else max(least_ns, self._time - before)
             if running and step > counted + period:
-                # Time and counts disagree: how long the step took is not known.
+                # Time and counts disagree: the length of the step is unknown.
                 unsure = step - counted
             stamp_ns = self._stamp(self._time, least, sent_ns)
         else:
-            # Ticks do not show one by one: time counts them, and no two can be distinguished.
+            # Ticks do not show one by one: they follow from time, and no two can be distinguished.
             self._pace = 0.0
             self._time = min(self._time + passed * period, max(left, before))
             step = max(least_ns, self._time - before)
@@ -282,7 +282,7 @@ class StreamedClock:
     def _by_arrival(self, sent_ns: int, left: float, ticks: int, least_ns: float) -> Instant:
         """Stamp a reading of a board without a tick.
 
-        Where each line brings new totals they were sampled for it; else at any time since the last.
+        If each line brings new totals they were sampled for it; else at any time since the last.
         """
         gap = self._arrivals.gap
         room = left - self._time
@@ -304,22 +304,22 @@ class StreamedClock:
         return sent_ns > self._stamp_ns + least
 
     def _stamp(self, time: float, least: float, sent_ns: int) -> int:
-        # Never backwards: where the phase turns out to be earlier, stamps go slower until they fit,
-        # but not so slow that a step would look like a jump.
+        # Never backwards: if the phase turns out to be earlier, stamps go slower until they fit,
+        # but not below the least time of a step, which would look like a jump.
         assert self._base_ns is not None
         slowest_ns = self._stamp_ns + 1 + math.ceil(least)
         self._stamp_ns = min(max(slowest_ns, self._base_ns + round(time)), sent_ns)
         return self._stamp_ns
 
     def _still_ns(self, period: float) -> float:
-        """After how long without a change the wheels stand."""
+        """The time without a change after which the wheels stand."""
         return QUIET_TICKS * max(period, self._meter.spacing)
 
     def _running(self, arrival: float, ticks: int, period: float) -> int:
         late = arrival - self._time
         if not ticks:
-            # The line repeats a tick, unless even the latest line of a change would be there. One
-            # that was held back with many others may be very late and no more than a repeat.
+            # The line repeats a tick, unless even the latest line of a change would be there. A
+            # line that was held back with many others may be a very late repeat.
             self._quiet += 1
             still = self._quiet * self._arrivals.gap > self._still_ns(period)
             if not self._arrivals.steady or not (still or self._broke):
@@ -332,7 +332,7 @@ class StreamedClock:
         settled = self._envelope.settled
         early = EARLY_NS if settled else self._arrivals.spread
         passed = max(1, min(math.floor((late + early) / period), round(ticks / self._pace)))
-        # Before its tick no line can come: if one does, ticks were counted too high.
+        # No line can come before its tick: if one does, ticks were counted too high.
         if settled:
             late += EARLY_NS
         else:
@@ -341,16 +341,16 @@ class StreamedClock:
             passed -= 1
         if self._broke or not self._arrivals.steady:
             return passed
-        # Lines that come steadily are not held back for longer: more ticks have passed than counts
-        # tell, as on a board whose tick is longer than it is taken for.
+        # Steady lines are not held back for longer: more ticks have passed than the counts show, as
+        # on a board whose tick is longer than assumed.
         behind = arrival - self._time - HELD_NS - self._arrivals.spread
         return max(passed, math.floor(behind / period))
 
     def _run(self, arrival: float, left: float, rate: float, passed: int, period: float) -> bool:
-        """Go on in fast motion, where the ticks can be distinguished.
+        """Continue fast motion, in which the ticks can be distinguished.
 
         Returns:
-            Whether the ticks were counted; not, where time had to tell how many there were.
+            Whether the ticks were counted, and not derived from time.
         """
         envelope, before = self._envelope, self._time
         timed = True
@@ -359,10 +359,10 @@ class StreamedClock:
             self._tick += passed
             timed = self._catch_up(arrival, period)
         else:
-            # How the ticks of the last run were numbered does not matter to this one.
+            # The numbering of the last run does not matter to this one.
             self._pace = rate
             self._start_run(arrival)
-        # How late the lines of a backlog are says nothing of the delays of others.
+        # The delays of a backlog's lines do not represent those of others.
         if self._arrivals.steady or not envelope.settled or arrival < envelope.at(self._tick):
             envelope.add(self._tick, arrival)
         self._time = envelope.at(self._tick)
@@ -379,14 +379,14 @@ class StreamedClock:
         self._envelope.reset()
 
     def _catch_up(self, arrival: float, period: float) -> bool:
-        """Notice that ticks were lost without a trace: all lines are late for a long time.
+        """Detect ticks that were lost without a trace: all lines are late for a long time.
 
         Returns:
             Whether time and ticks agree within two ticks.
         """
         late = arrival - self._envelope.at(self._tick)
         if self._broke and self._arrivals.steady:
-            # The backlog is over. What is late still was not held back: speed changed meanwhile.
+            # The backlog is over. A late line was not held back: the speed changed meanwhile.
             self._broke = False
             if late > 2.0 * period + self._arrivals.spread:
                 self._start_run(arrival)

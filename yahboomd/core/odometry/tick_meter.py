@@ -1,11 +1,11 @@
 """The period at which a board renews its totals, from the lines that show it.
 
-Law: a period is believed where the changes of the totals lie on a straight line over their number,
-as straight as the distance of the lines allows, with a slope of whole milliseconds.
+Law: a period is believed if the changes of the totals lie on a straight line over their number, as
+straight as the distance of the lines allows, with a slope of whole milliseconds.
 
-Only fast motion is looked at, where each renewal changes the totals. A renewal that no line showed
-makes the next change twice as large, which numbers it. Where every line brings a change of the same
-size there is no tick to be seen: the board renews its totals with each line.
+Only fast motion is measured, in which each renewal changes the totals. A renewal that no line shows
+makes the next change twice as large, which numbers it. If every line brings a change of the same
+size, no tick can be seen: the board renews its totals with each line.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from typing import Literal, NamedTuple, TypeAlias
 MS = 1e6
 
 FAST_TICKS = 3
-"""The counts a tick from which on a tick without any is impossible."""
+"""At this many counts a tick, a tick without any is impossible."""
 
 WARM_UP = 8
-"""The changes that show the pace; none is numbered before."""
+"""The changes that show the pace; they are not numbered."""
 
 ENOUGH_TICKS = 24
 ENOUGH_NS = 400 * MS
 
 PAUSE_NS = 100 * MS
-"""Totals that stay for so long belong to wheels that stand."""
+"""Totals that stay for this time belong to standing wheels."""
 
 MARKS_SHARE = 0.025
-"""The least share of lines that repeat the totals or skip a tick, where there is a tick."""
+"""The least share of lines that repeat the totals or skip a tick, if there is a tick."""
 
 
 AGREE_PERIODS = 2
@@ -44,7 +44,7 @@ class Measured(NamedTuple):
     """The measurement of one stretch of fast motion.
 
     Attributes:
-        period: Of the changes, in nanoseconds.
+        period: Period of the changes, in nanoseconds.
         regular: Whether a timer of whole milliseconds makes them.
         marked: Whether lines repeated the totals or skipped a tick: without, lines and ticks
             cannot be distinguished.
@@ -85,11 +85,11 @@ class TickMeter:
         Args:
             arrival: When it came, or left; nanoseconds.
             counts: The largest change of any counter since the line before.
-            gap: From line to line, on the average.
+            gap: The mean time from line to line.
             spread: How unevenly lines come: their distance, and their delays.
 
         Returns:
-            What was measured, where a stretch is complete.
+            The measurement, when a stretch is complete.
         """
         changed = self._changed
         if not counts:
@@ -131,7 +131,7 @@ class TickMeter:
         self._points += 1
         if self._number < ENOUGH_TICKS or y < ENOUGH_NS:
             return None
-        # Where hardly any change is a single tick, the pace was taken for half of what it is.
+        # If hardly any change is a single tick, the pace was estimated at half its value.
         measured = self._measure(spread) if 2 * self._single > self._points else None
         if measured is None:
             self._pace = float(counts)
@@ -158,7 +158,7 @@ class TickMeter:
 
 
 class TickPeriod:
-    """The period of the totals, chosen by what was measured.
+    """The period of the totals, chosen from the measurements.
 
     Args:
         period: The nominal one, in nanoseconds.
@@ -166,8 +166,8 @@ class TickPeriod:
     Attributes:
         period: The one that is believed.
         fits: Whether the board's totals follow a regular tick.
-        doubt: By which share of the period the latest measurement disagrees with it.
-        notice: What was found out since it was taken.
+        doubt: The share of the period by which the latest measurement disagrees with it.
+        notice: The latest finding; the caller clears it.
     """
 
     __slots__ = "period fits doubt notice _candidate _agreed _misfits".split()
@@ -182,7 +182,7 @@ class TickPeriod:
         self._misfits = 0
 
     def misfit(self) -> None:
-        """Lines were late for so long that ticks must have been numbered wrongly."""
+        """Count lines that stayed late, because their ticks were numbered wrongly."""
         self._misfits += 1
 
     def weigh(self, measured: Measured) -> bool:
@@ -194,7 +194,7 @@ class TickPeriod:
         near = abs(measured.period - self.period) <= 0.03 * self.period
         self.doubt = abs(measured.period / self.period - 1.0) if self.fits and not near else 0.0
         if near and self.fits:
-            # How straight it is does not matter: delays bend it, and lines that were lost.
+            # Straightness does not matter here: delays and lost lines bend it.
             self._agreed = self._misfits = 0
         elif measured.regular and measured.marked:
             period = float(round(measured.period / MS) * MS)

@@ -1,15 +1,15 @@
 """Counts to speeds.
 
-Law: a speed is counts over whole time on the board, taken over as short a window as tells it. One
-count in 10 ms is already 16 mm/s, so slow motion needs a longer look than fast motion: the window
-grows backwards until the busiest motor has 32 counts in it, or it is
-100 ms long. The speed belongs to the middle of the window.
+Law: a speed is counts over whole time on the board, over the shortest window that shows it. One
+count in 10 ms is already 16 mm/s, so slow motion needs a longer window than fast motion: it grows
+backwards until the busiest motor has 32 counts in it, or it is 100 ms long. The speed belongs to
+the middle of the window.
 
-Where it is not known when the board sampled, counts are taken over the longest time that they can
-have needed, and the window says how much shorter it may have been. No window begins there.
+If the time of sampling is unknown, counts are taken over the longest time that they can have
+needed, and ``unsure_ns`` is how much shorter it may have been. No window begins there.
 
-Where the moments of sampling are known with some error, the window says how large that is: its
-speed is as uncertain as its length.
+If times of sampling have an error, ``rough_ns`` is that of the window's length: the speed is as
+uncertain as it.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ LONGEST_NS = 100_000_000
 """The longest window, unless readings lie farther apart."""
 
 ENOUGH_TICKS = 32
-"""The counts of the busiest motor with which the window need not grow."""
+"""A window with this many counts of the busiest motor need not grow."""
 
 ASKED_TICKS = 3.5
-"""The unseen ticks that a window must span, which are four where the board is asked every two: one
-more or less is a quarter of the speed then, and over two of them it would be half."""
+"""The unseen ticks that a window must span (four, if the board is asked every two): one more or
+less is then a quarter of the speed; over two of them it would be half."""
 
 STILL_DEVIATIONS = 6
-"""In a time that is known roughly, wheels stood only where the counters stay for longer."""
+"""If times are rough, wheels stand only if the counters stay for more than these deviations."""
 
 
 class Window(msgspec.Struct, frozen=True):
-    """The stretch of time that speeds were taken over.
+    """The time over which speeds were measured.
 
     Attributes:
         span_ns: Its length; 0 before there are two readings.
@@ -59,11 +59,11 @@ class VelocityEstimator:
     """Speeds of the motors and of the body.
 
     Attributes:
-        rough_ns: How well the time of each reading is known, where that is worth speaking of; the
-            window is the longest then.
+        rough_ns: Standard deviation of the time of each reading, if it matters; the window is then
+            the longest.
         doubt: The share by which every time may be wrong (standard deviation).
-        tick_ns: How often the board renews its counters, where readings do not tell its moments:
-            counts over another time than whole ticks are those of one tick more or less.
+        tick_ns: The period at which the board renews its counters, if readings do not show when:
+            over a time that is not whole ticks, counts are those of one tick more or less.
     """
 
     __slots__ = (
@@ -86,7 +86,7 @@ class VelocityEstimator:
         """Start again from a reading that does not continue the one before.
 
         Args:
-            totals: Its totals; None where its time is not known, so that no speed begins there.
+            totals: Its totals; None if its time is unknown, so that no speed begins there.
             rough_ns: Standard deviation of its time, against those of the readings that follow.
         """
         self._began = (self._time_ns, rough_ns)
@@ -95,7 +95,7 @@ class VelocityEstimator:
             self._history.add(self._time_ns, totals)
 
     def take_back(self) -> None:
-        """The latest reading was wrong: no speed is taken from it any more."""
+        """Drop the latest reading, which was wrong."""
         if self._kept:
             self._history.drop_latest()
 
@@ -108,7 +108,7 @@ class VelocityEstimator:
         """Take in the totals after a step on the board's clock.
 
         Args:
-            step_ns: How long the step took; at the longest, where that is not known.
+            step_ns: Duration of the step; the longest possible, if it is unknown.
             unsure_ns: How much shorter it may have been.
         """
         history = self._history
@@ -127,7 +127,7 @@ class VelocityEstimator:
         return Window(*found, unsure_ns, self._rough_ns(found[0]))
 
     def _too_soon(self, span_ns: int, deltas: tuple[int, ...]) -> bool:
-        """Whether counters that stay may not have been renewed since the window began."""
+        """Whether unchanged counters may not have been renewed since the window began."""
         began_ns, began_rough_ns = self._began
         return (
             span_ns < STILL_DEVIATIONS * began_rough_ns
