@@ -55,7 +55,7 @@ def figures(folder: Path) -> dict[str, Any]:
 def test_through_faults_it_stops_comes_back_and_knows_where_it_is(
     tmp_path: Path, kinds: str
 ) -> None:
-    process = soak(tmp_path, "--minutes", "0.5", "--kinds", kinds)
+    process = soak(tmp_path, "--minutes", "0.35", "--kinds", kinds)
     output, _ = process.communicate()
     found = figures(tmp_path)
     assert found["failures"] == [], output
