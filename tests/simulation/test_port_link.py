@@ -30,7 +30,7 @@ def test_a_link_is_reserved_by_one_at_a_time(tmp_path: Path) -> None:
 def test_what_is_no_link_stays_and_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.write_text("precious")
-    with pytest.raises(ConfigError, match="is no link"):
+    with pytest.raises(ConfigError, match="is not a link"):
         point(file, "/dev/pts/1")
     assert file.read_text() == "precious"
     with pytest.raises(ConfigError, match=r"/nowhere/board cannot be made: No such file"):

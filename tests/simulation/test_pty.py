@@ -248,7 +248,7 @@ async def test_what_cannot_be_used_is_named_and_nothing_is_left(
 async def test_a_file_in_the_place_of_the_link_is_not_touched(tmp_path: Path) -> None:
     link = tmp_path / "board"
     link.write_text("precious")
-    with pytest.raises(ConfigError, match="is no link"):
+    with pytest.raises(ConfigError, match="is not a link"):
         await serve(SimulatedRobot(), link=link)
     assert link.read_text() == "precious"
 

@@ -20,8 +20,8 @@ BOOT_NS = 60_000_000
 class BoardModel(Protocol):
     """A board that is fed bytes and moved through time.
 
-    Moments only grow. Nothing happens in between calls: what was due is done, at its own exact
-    time, by the next :meth:`step`.
+    Moments only grow. Nothing happens between calls: the next call of :meth:`run_due` does
+    everything due, at its own exact time.
     """
 
     emit: Emit
@@ -39,16 +39,16 @@ class BoardModel(Protocol):
         """The counters, as the latest interrupt left them."""
 
     def receive(self, byte: int, now_ns: int) -> None:
-        """One byte has arrived completely; the caller has stepped to ``now_ns``."""
+        """One byte has arrived completely; the caller has run everything due until ``now_ns``."""
 
     def run_due(self, now_ns: int) -> None:
-        """Do everything that is due up to ``now_ns``."""
+        """Run everything due up to ``now_ns``."""
 
     def start(self, now_ns: int) -> None:
         """Start as a board that was powered long ago: running, silent, counters kept."""
 
     def reset(self, now_ns: int, *, off_ns: int = 0, by_power: bool) -> None:
-        """Lose all but the flash, let the motors go, and start again after ``off_ns``.
+        """Lose all but the flash, release the motors, and start again after ``off_ns``.
 
         Args:
             off_ns: How long it stays without power.
@@ -56,7 +56,7 @@ class BoardModel(Protocol):
         """
 
     def set_tick_period(self, now_ns: int, period_ns: int, jitter_ns: int = 0) -> None:
-        """Renew the totals every ``period_ns`` from now on, or with every line where that is 0.
+        """Renew the totals every ``period_ns`` from now on, or with every line if it is 0.
 
         Raises:
             ValueError: This board has no such period.
@@ -71,7 +71,7 @@ class FlashWriter(Protocol):
     """A board that can lose its supply within a write of its flash.
 
     Attributes:
-        cut_writes: It does so within so many of the next ones.
+        cut_writes: The number of writes, from the next one on, within which the supply fails.
     """
 
     cut_writes: int

@@ -23,15 +23,15 @@ class BoardKind(msgspec.Struct, frozen=True, kw_only=True):
     """One board that can be simulated.
 
     Attributes:
-        make: Makes one, of a robot's options, what it drives and senses, and where its bytes go.
-        flash: What it stores, with what it is sold with as the defaults; None: nothing.
+        make: Makes one from a robot's options, its plant, and a receiver of its bytes.
+        flash: Its stored settings, with the factory settings as defaults; None: it stores nothing.
     """
 
     make: Callable[[SimulationOptions, Plant, Emit, Random], BoardModel]
     flash: type[msgspec.Struct] | None = None
 
     def stored(self, values: Mapping[str, object]) -> msgspec.Struct | None:
-        """The contents of its flash; values that it does not store are left out."""
+        """The contents of its flash; values that it does not store are ignored."""
         if self.flash is None:
             return None
         known = {name: values[name] for name in self.flash.__struct_fields__ if name in values}
@@ -43,7 +43,7 @@ BOARDS: Final[dict[str, BoardKind]] = {
     "polled": BoardKind(make=PolledBoard),
     "rosmaster": BoardKind(make=RosmasterBoard, flash=RosmasterStored),
 }
-"""Every board, by the word that the configuration has for its dialect."""
+"""Every board, by the configuration's name of its dialect."""
 
 
 def make_board(options: SimulationOptions, plant: Plant, emit: Emit, random: Random) -> BoardModel:

@@ -72,8 +72,8 @@ class ChassisTruth:
     """The pose of the base, moved by the rims.
 
     Attributes:
-        turn_per_m: Radians for each metre ahead, as steered front wheels force it, whatever the
-            difference of the rear wheels; None where only the rims turn the base.
+        turn_per_m: Radians for each metre ahead, as steered front wheels impose it regardless of
+            the rear wheels' difference; None if only the rims turn the base.
     """
 
     def __init__(self, parts: tuple[Share, ...]) -> None:

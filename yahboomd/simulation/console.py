@@ -29,10 +29,10 @@ reset                    reset the board's MCU by software
 brown-out [SECONDS]      take the board's supply away (0.05)
 cut-writes [N]           the supply fails within each of the next N writes of the flash (1)
 hang                     stop the MCU with the motors as they are, until a reset
-mute SECONDS             nothing of what the board says arrives
+mute SECONDS             the board's output is lost
 babble SECONDS           random bytes arrive instead
-stall SECONDS            the port takes no output, then all that has queued; the answer says when
-hold SECONDS             what the board says is kept, then arrives at once
+stall SECONDS            the port takes no output, then all queued; answers with the end, in ns
+hold SECONDS             the board's output is held, then arrives at once
 unanswered WORD SHARE    this share of the answers that begin with WORD is lost
 unplug [SECONDS]         pull the USB plug (and put it back after SECONDS)
 replug                   put it back now
@@ -53,7 +53,7 @@ turning MOTOR [M_S]      it turns without command (0.2 m/s)
 repair MOTOR             it is healthy again; until then its faults add up
 crossed N M              the encoder plugs of two positions are exchanged
 battery VOLTS            the battery at rest
-pose                     where the robot truly is, as JSON
+pose                     the robot's true pose, as JSON
 help                     this list
 MOTOR is a name, a position from 1 to 4, or all."""
 
@@ -128,7 +128,7 @@ def _pose(robot: SimulatedRobot, _words: Words, now_ns: int) -> str:
 
 
 def _help(_robot: SimulatedRobot, _words: Words, _now_ns: int) -> str:
-    # One line back, so that a script need not guess where the answer ends.
+    # The answer is one line, so that a script knows its end.
     return "; ".join(" ".join(line.split()) for line in HELP.splitlines())
 
 
@@ -176,7 +176,7 @@ async def serve_control(path: Path, answer: Callable[[str], str]) -> asyncio.Ser
     """Listen on a unix socket, one command a line; the caller closes the server.
 
     Args:
-        path: The socket; one that a killed simulator left is replaced.
+        path: The socket; one left by a killed simulator is replaced.
         answer: Carries out a line.
 
     Raises:

@@ -1,4 +1,4 @@
-"""The host's frames and their times, by which stop latencies are measured.
+"""The host's bytes and their times, to measure stop latencies.
 
 A file of JSON lines, one for each read of the port, flushed at once. Stamps are CLOCK_MONOTONIC at
 the moment the bytes had left the host's write, before the simulated wire delays them.
@@ -26,7 +26,7 @@ class HostBytes(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class HeardWriter(LinesWriter):
-    """Writes the bytes of the host to a file; :meth:`note` is what a port's ``on_heard`` takes."""
+    """Writes the bytes of the host to a file; :meth:`note` fits a port's ``on_heard``."""
 
     def note(self, data: bytes, t_ns: int) -> None:
         """Append bytes; nothing after :meth:`close`."""

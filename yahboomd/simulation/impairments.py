@@ -15,11 +15,11 @@ class Impairments:
 
     Attributes:
         settings: Loss, corruption, delays and chunks.
-        muted_until_ns: Until then nothing of what the board says arrives.
+        muted_until_ns: Until then the board's output is lost.
         babbles_until_ns: Until then random bytes arrive instead, as fast as the wire goes.
         stalled_until_ns: Until then the adapter takes no output of the host.
-        held_until_ns: Until then the adapter keeps what the board says, and then delivers it all.
-        unanswered: Answers of the board that begin so are lost, each with its probability.
+        held_until_ns: Until then the adapter holds the board's output, and then delivers it all.
+        unanswered: First bytes of answers that are lost, each with its probability.
     """
 
     def __init__(self, settings: ImpairmentOptions, random: Random) -> None:

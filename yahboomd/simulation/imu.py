@@ -1,10 +1,10 @@
-"""The inertial sensor of a simulated robot: what it would measure, and what is wrong with it.
+"""The inertial sensor of a simulated robot: its measurements, and its errors.
 
 The law, for each axis of the gyro and of the accelerometer:
 ``measured = scale * truth + zero + drift * (temperature - 25) + noise``, cut off at the sensor's
-limits and turned into its own axes. Temperature rises towards its end like that of a board that was
-switched on at time zero. Each sensor's own zeros, scales and drifts are drawn evenly from the
-tolerances of its datasheet.
+limits and turned into its own axes. The temperature rises like that of a board that was switched on
+at time zero. Each sensor's own zeros, scales and drifts are drawn uniformly from the tolerances of
+its datasheet.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ class ImuOptions(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         gyro_density: Noise of the gyro, rad/s per square root of Hz.
-        gyro_zero_rad_s: The most that it shows at rest, at 25 degrees.
-        gyro_drift_rad_s_k: The most that this changes with a kelvin.
-        gyro_scale: The most that its scale is off, as a share.
-        gyro_limit_rad_s: Where it saturates.
+        gyro_zero_rad_s: The largest zero error at rest, at 25 degrees.
+        gyro_drift_rad_s_k: The largest change of that error per kelvin.
+        gyro_scale: The largest error of its scale, as a share.
+        gyro_limit_rad_s: The greatest rate that it shows.
         acceleration_density: Noise of the accelerometer, m/s^2 per square root of Hz.
-        acceleration_zero_m_s2: The most that it shows without acceleration.
-        acceleration_drift_m_s2_k: The most that this changes with a kelvin.
-        acceleration_scale: The most that its scale is off, as a share.
-        acceleration_limit_m_s2: Where it saturates.
+        acceleration_zero_m_s2: The largest zero error.
+        acceleration_drift_m_s2_k: The largest change of that error per kelvin.
+        acceleration_scale: The largest error of its scale, as a share.
+        acceleration_limit_m_s2: The greatest acceleration that it shows.
         magnetic_noise_t: Standard deviation of the magnetometer.
         bandwidth_hz: Of the filter in front of each sample: the noise of one sample is the density
             times the square root of this.
@@ -118,8 +118,8 @@ class ImuModel:
     """A sensor in the middle between the wheels.
 
     Attributes:
-        forced_gyro_rad_s: What the gyro shows instead of its measurement, along its own axes;
-            None while it works.
+        forced_gyro_rad_s: The gyro's output in place of its measurement, along its own axes; None
+            while it works.
     """
 
     def __init__(self, options: ImuOptions, random: Random) -> None:

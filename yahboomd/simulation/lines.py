@@ -17,8 +17,8 @@ class LinesWriter:
 
     Args:
         path: The file, replaced at :meth:`open`.
-        flush_every: Lines between two flushes: what a killed simulator loses, and a reader waits
-            for.
+        flush_every: Lines between two flushes: a killed simulator loses at most these, and a
+            reader waits for them.
     """
 
     def __init__(self, path: Path, *, flush_every: int = 1) -> None:

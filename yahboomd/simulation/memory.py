@@ -22,8 +22,8 @@ class MemoryPort:
     The robot lives on when the port is closed, and may be opened again by another port.
 
     Attributes:
-        on_data: Takes what arrives, in the chunks in which it arrives.
-        on_lost: Called once when the port goes: with an OSError when the plug was pulled, with
+        on_data: Takes each chunk of bytes as it arrives.
+        on_lost: Called once when the port is gone: with an OSError when the plug was pulled, with
             None after :meth:`close`.
     """
 
@@ -44,7 +44,7 @@ class MemoryPort:
         self._timer: asyncio.TimerHandle | None = None
 
     def queued(self) -> int:
-        """Bytes that were not read yet: the wire takes all at once."""
+        """Bytes that are not sent yet: none, the wire takes all at once."""
         return 0
 
     @property
@@ -65,7 +65,7 @@ class MemoryPort:
         now_ns = self._now_ns()
         if not self.robot.started:
             self.robot.start(now_ns)
-        # What was sent while no process listened is lost.
+        # Bytes sent while the port was closed are lost.
         self.robot.advance(now_ns)
         if not self.robot.plugged:
             self._loop = None
@@ -84,7 +84,7 @@ class MemoryPort:
         """Do nothing: no byte is kept."""
 
     def discard(self) -> None:
-        """Do nothing: none waits."""
+        """Do nothing: no byte is queued."""
 
     async def drain(self, timeout_s: float) -> bool:
         """Wait until the wire has carried everything; whether it has."""

@@ -1,4 +1,4 @@
-"""A motor with its gear, its wheel and its encoder, and what can be wrong with them.
+"""A motor with its gear, its wheel and its encoder, and their faults.
 
 The law: above the dead zone the rim speed follows the output linearly, with a first-order lag; an
 output inside the dead zone brakes; no output at all lets the wheel coast, downhill on a slope.
@@ -76,7 +76,7 @@ FAULTS: dict[str, MotorFaults] = {
 
 
 def joined(first: MotorFaults, second: MotorFaults) -> MotorFaults:
-    """Both at once; where both say how the wheel turns, the second one."""
+    """Combine two faults; a value that both set is the second one's."""
     changed = {
         name: value
         for name in MotorFaults.__struct_fields__
@@ -135,7 +135,7 @@ class MotorState:
         after = wanted + (before - wanted) * decay
         travel = wanted * dt_s + (before - wanted) * time_constant_s * (1.0 - decay)
         if friction:
-            # Sliding friction ends what an exponential never would.
+            # Only sliding friction brings an exponential decay to a standstill.
             slowed = max(0.0, abs(after) - friction * dt_s)
             after = math.copysign(slowed, after) if slowed else 0.0
             travel = (before + after) * 0.5 * dt_s

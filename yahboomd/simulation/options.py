@@ -14,7 +14,7 @@ Corner: TypeAlias = Literal["left", "right", "front_left", "rear_left", "front_r
 StreamPace: TypeAlias = Literal["measured", "wire"]
 
 DIALECT = "streamed"
-"""The board that is simulated where none is named: most robots have it."""
+"""The default board: most robots have it."""
 
 QUICK_GAIN = 4.0
 """PWM units per mm/s of error and unit of gain: the default gains settle within 0.1 to 0.3 s."""
@@ -25,17 +25,17 @@ vendor's firmware does."""
 
 
 class Wiring(msgspec.Struct, frozen=True, kw_only=True):
-    """One motor, where it sits and how it is connected.
+    """One motor: its place and its connection.
 
     A motor that is mounted the other way round has both signs at -1. Signs that differ make the
     board's own speed loop run away, as a wrongly wired motor does.
 
     Attributes:
-        name: What truth and control call it.
+        name: Its name in the ground truth and the console.
         position: Its plug on the board, 1 to 4.
         corner: Where its wheel is.
-        command_sign: -1 where a positive output turns the wheel backward.
-        encoder_sign: -1 where the counts fall while the wheel rolls forward.
+        command_sign: -1 if a positive output turns the wheel backward.
+        encoder_sign: -1 if the counts fall while the wheel rolls forward.
         radius_scale: The true radius of its wheel as a multiple of the nominal one.
     """
 
@@ -87,12 +87,12 @@ class ImpairmentOptions(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         loss: Share of bytes that vanish, 0 to 1, each way.
         corruption: Share of bytes that arrive with one bit flipped, 0 to 1, each way.
-        delay_s: What every chunk waits besides the wire, each way.
-        jitter_s: Up to this much more, at random; order is kept.
+        delay_s: The delay of every chunk besides the wire, each way.
+        jitter_s: The largest extra delay, at random; the order is kept.
         chunk_s: Bytes for the host arrive in chunks of this period, as USB brings them; 0 brings
             every byte alone.
-        flush_when_idle: Hand over what there is as soon as the line falls silent, rather than at
-            the next chunk.
+        flush_when_idle: Deliver the bytes as soon as the line falls silent, rather than at the
+            next chunk.
     """
 
     loss: float = 0.0
@@ -109,7 +109,7 @@ class SimulationOptions(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         dialect: Which board it is: a row of :data:`yahboomd.simulation.boards.BOARDS`.
         wiring: The motors; None takes the usual ones of the drive.
-        motor_type: What the motors are (1: 520), whatever the board was set to.
+        motor_type: The true type of the motors (1: 520), independent of the board's setting.
         lines: Encoder lines per turn of the motor.
         ratio: The true gear ratio, which need not be whole.
         wheel_radius_m: The true radius of the wheels.
@@ -122,18 +122,18 @@ class SimulationOptions(msgspec.Struct, frozen=True, kw_only=True):
         battery_volts: The battery at rest.
         rated_volts: The supply at which full output gives ``max_speed_m_s``.
         loop_gain: PWM units per mm/s of error and unit of gain, of the firmware's speed loop.
-        flash: What the board has stored, in its own terms; None: what it is sold with.
+        flash: The board's stored settings, in its own terms; None: the factory settings.
         firmware: The version that it reports; empty for the one that is modelled.
-        start_up_s: How long a board is silent after a reset that sets up an inertial sensor then.
+        start_up_s: The silence after a reset, of a board that sets up an inertial sensor then.
         initial_ticks: The counters at the start, as of a board that has run for a while.
         baud: Speed of the line, 8N1.
         stream_pace: ``measured`` sends stream lines at the rates seen on boards, ``wire`` one
             right after the other.
         tick_period_s: How often a board that sends them by itself renews its totals; 0 renews them
             with every line.
-        tick_jitter_s: Each of these periods is up to so much longer, at random.
+        tick_jitter_s: The most by which each of these periods is longer, at random.
         seed: Of every random thing.
-        impairments: What is wrong with the line from the start.
+        impairments: The initial faults of the line.
     """
 
     dialect: str = DIALECT
@@ -165,7 +165,7 @@ class SimulationOptions(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def motors(self) -> tuple[Wiring, ...]:
-        """The motors, the usual ones of the drive where none are named."""
+        """The motors; the usual ones of the drive unless they are given."""
         return WIRINGS[self.drive] if self.wiring is None else self.wiring
 
     @property
@@ -184,7 +184,7 @@ _POSITIVE = (
 
 
 def check(options: SimulationOptions) -> None:
-    """Refuse a robot that cannot be.
+    """Refuse impossible options.
 
     Raises:
         ConfigError: Naming everything that is impossible.

@@ -43,7 +43,8 @@ class Plant:
         self._by_position: list[MotorState | None] = [None] * CHANNELS
         for wire, motor in zip(self.wiring, self.motors, strict=True):
             self._by_position[wire.position - 1] = motor
-        # Whose encoder is plugged in where, and what makes up for counts before it was.
+        # The motor whose encoder each position reads, and an offset that keeps counts continuous
+        # when plugs are swapped.
         self._encoders = list(self._by_position)
         self._offsets = [0] * CHANNELS
         self._rated_volts = options.rated_volts
@@ -103,7 +104,7 @@ class Plant:
             self.chassis.turn_per_m = math.tan(math.radians(self._steered_deg)) / self._axles_m
 
     def cross_encoders(self, one: int, other: int) -> None:
-        """Exchange what is plugged in for the encoders of two positions, 1 to 4."""
+        """Swap the encoder plugs of two positions, 1 to 4."""
         before = self.ticks
         encoders = self._encoders
         encoders[one - 1], encoders[other - 1] = encoders[other - 1], encoders[one - 1]

@@ -14,7 +14,7 @@ from yahboomd.core.errors import ConfigError
 def claim(link: Path) -> socket.socket:
     """Reserve a link for this process, until the socket is closed or the process ends.
 
-    A name in Linux's abstract socket namespace needs no file, so that nothing is left by a kill.
+    A name in Linux's abstract socket namespace needs no file, so a kill leaves nothing behind.
 
     Raises:
         ConfigError: Another process has reserved it.
@@ -40,7 +40,7 @@ def point(link: Path, target: str) -> None:
     """
     if link.exists() and not link.is_symlink():
         raise ConfigError(
-            f"{link} exists and is no link.", remedy="Choose another name, or remove it."
+            f"{link} exists and is not a link.", remedy="Choose another name, or remove it."
         )
     beside = link.with_name(f".{link.name}.{os.getpid()}")
     try:
@@ -52,7 +52,7 @@ def point(link: Path, target: str) -> None:
 
 
 def unpoint(link: Path, target: str) -> None:
-    """Remove a link, if it still points there."""
+    """Remove a link if it still points to ``target``."""
     with contextlib.suppress(OSError):
         if str(link.readlink()) == target:
             link.unlink()

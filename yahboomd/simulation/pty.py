@@ -1,11 +1,12 @@
-"""A simulated robot on a pseudo-terminal, in real time: what a host opens like a serial port.
+"""A simulated robot on a pseudo-terminal, in real time: a host opens it like a serial port.
 
-- Bytes are paced on an absolute schedule; the kernel's timer wakes us when there is something to
-  hand over, an incoming command wakes us at once.
-- No process has the port open: the board runs on, what it says is lost, and we look every few
-  milliseconds whether somebody has come (a pty tells only by reading it).
-- The host does not read: what the pty does not take is lost, as with a UART.
-- The host writes faster than the wire carries: we stop reading, and the host's buffer fills.
+- Bytes are paced on an absolute schedule; the kernel's timer wakes the simulator when bytes are
+  due, an incoming command wakes it at once.
+- While no process has the port open, the board runs on, its output is lost, and the simulator
+  polls every few milliseconds for a host (only a read from the pty shows one).
+- If the host does not read, output that does not fit into the pty is lost, as with a UART.
+- If the host writes faster than the wire carries, the simulator stops reading, and the host's
+  buffer fills.
 - Unplugging closes the pty, which the host sees as a hang-up, and removes the link; replugging
   makes a new pty behind the same link.
 """
@@ -34,11 +35,11 @@ Writer = TypeVar("Writer", bound=LinesWriter)
 
 READ_BYTES = 4096
 BACKLOG_NS = 40_000_000
-"""Time on the wire of what we take from a host in advance: about 460 bytes at 115200 baud."""
+"""Bytes read from a host in advance, by their time on the wire: some 460 bytes at 115200 baud."""
 
 
 class FarEnd(Protocol):
-    """What a port is the end of: a simulated robot, or something else that keeps time.
+    """The device behind a port: a simulated robot, or another one that is moved through time.
 
     Attributes:
         on_plug: Called when the USB plug comes out (False) or goes in (True).
@@ -54,13 +55,13 @@ class FarEnd(Protocol):
         """The next moment at which :meth:`advance` is worth calling."""
 
     def advance(self, now_ns: int) -> list[bytes]:
-        """Do what is due, and return what has arrived at the host, in its chunks."""
+        """Run everything due, and return the chunks that have arrived at the host."""
 
     def host_wrote(self, data: bytes, now_ns: int) -> None:
         """The host has written ``data``."""
 
     def host_backlog_ns(self, now_ns: int) -> int:
-        """How long what the host has written will still be on its way."""
+        """The time until the host's bytes so far will have arrived."""
 
 
 class PtyPort:
@@ -68,10 +69,10 @@ class PtyPort:
 
     Attributes:
         name: The path, such as ``/dev/pts/5``; empty while unplugged.
-        dropped_bytes: What no host took.
-        on_heard: Takes what the host wrote, and when.
+        dropped_bytes: The board's bytes that no host took.
+        on_heard: Takes the host's bytes, and their time.
         on_host: Called when a process has opened the port, or the last one has closed it.
-        ended: Done with the error if something went wrong inside.
+        ended: Done with the exception if the port fails.
 
     Args:
         link: A symbolic link to the port, kept up to date.
@@ -191,7 +192,7 @@ class PtyPort:
         self._host = False
         if self.on_host is not None:
             self.on_host(False)
-        # The next host must not read what this one left.
+        # The next host must not read bytes that were meant for this one.
         with contextlib.suppress(OSError, termios.error):
             slave = os.open(self.name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
             try:
@@ -200,7 +201,7 @@ class PtyPort:
                 os.close(slave)
 
     def _stop_reading(self) -> None:
-        # A pty without a host is readable for ever: it would be read in a tight loop.
+        # A pty without a host is always readable: the loop would spin.
         if self._reading:
             self._reading = False
             self._loop.remove_reader(self._master)
@@ -255,7 +256,7 @@ class RobotPort(PtyPort):
         self.robot = robot
 
     def command(self, line: str) -> str:
-        """Carry out a control command, and return what it answers."""
+        """Carry out a control command, and return its answer."""
         answer = execute(self.robot, line, self._clock.now_ns())
         if self._stuffed():
             self._stop_reading()

@@ -1,8 +1,8 @@
 """A whole simulated robot at the end of a serial line, on given time.
 
-The port that carries it (``memory``, ``pty``) hands in what the host wrote and when, and asks for
-what the host is to read. Nothing happens between the calls: each of them first does everything
-that was due, in order and at its own exact time, so a late caller loses no precision.
+The port that carries it (``memory``, ``pty``) passes the bytes of the host with their times, and
+asks for the bytes that the host reads. Nothing happens between the calls: each call first runs
+everything due, in order and at its own exact time, so a late caller loses no precision.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class SimulatedRobot:
         on_plug: Called when the USB plug comes out (False) or goes in (True).
 
     Raises:
-        ConfigError: Such a robot cannot be.
+        ConfigError: The options are impossible.
     """
 
     def __init__(self, options: SimulationOptions | None = None) -> None:
@@ -74,7 +74,7 @@ class SimulatedRobot:
         self.plant.start(now_ns)
         self.board.start(now_ns)
 
-    # What the port calls.
+    # Called by the port.
 
     def host_wrote(self, data: bytes, now_ns: int) -> None:
         """The host has written ``data``; the wire carries it from now on."""
@@ -89,7 +89,7 @@ class SimulatedRobot:
         return max(0, self._to_board.idle_ns - now_ns, self.impairments.stalled_until_ns - now_ns)
 
     def advance(self, now_ns: int) -> list[bytes]:
-        """Do what is due, and return what has arrived at the host, in its chunks."""
+        """Run everything due, and return the chunks that have arrived at the host."""
         self._run(now_ns)
         self._babble(now_ns)
         self._collect(now_ns)
@@ -116,7 +116,7 @@ class SimulatedRobot:
             wake_ns = min(wake_ns, self.impairments.stalled_until_ns)
         return max(self._now_ns + 1, min(wake_ns, self.board.speaks_ns))
 
-    # What can happen to it.
+    # Faults and other events.
 
     def reset(self, now_ns: int) -> None:
         """Reset the MCU by software."""
@@ -147,7 +147,7 @@ class SimulatedRobot:
         self.impairments.babbles_until_ns = now_ns + nanoseconds(duration_s)
 
     def stall(self, now_ns: int, duration_s: float) -> None:
-        """Take no output of the host; afterwards the wire carries what has queued."""
+        """Accept no output of the host; the wire carries the queued bytes afterwards."""
         self._run(now_ns)
         self.impairments.stalled_until_ns = now_ns + nanoseconds(duration_s)
 
@@ -212,7 +212,7 @@ class SimulatedRobot:
         self.plant.cross_encoders(one, other)
 
     def after(self, at_ns: int, action: Callable[[int], None]) -> None:
-        """Do something at a later moment; it is called with that moment."""
+        """Call an action at a later moment, with that moment."""
         heapq.heappush(self._actions, (at_ns, next(self._order), action))
 
     def truth(self, now_ns: int) -> TruthSample:
@@ -239,7 +239,7 @@ class SimulatedRobot:
             self._to_host.send(data, now_ns)
 
     def _run(self, now_ns: int) -> None:
-        """Do everything that is due up to ``now_ns``, in order."""
+        """Run everything due up to ``now_ns``, in order."""
         assert self.started, "a robot needs a start time"
         while True:
             action_ns = self._actions[0][0] if self._actions else NEVER
@@ -311,5 +311,5 @@ class SimulatedRobot:
             data = self.impairments.spoil_all(self._to_host.take(at_ns))
             due_ns = max(at_ns + self.impairments.latency_ns(), self.impairments.held_until_ns)
             if data:
-                # Handed over in this order, whatever the jitter.
+                # Jitter does not change the order of the chunks.
                 self._late.append((due_ns, data))

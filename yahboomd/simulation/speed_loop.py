@@ -4,8 +4,8 @@ The loop adds to its output u, every 10 ms, with the error e = target - measured
 
     du = P (e - e1) + I e + D (e - 2 e1 + e2)
 
-Where the error stays zero the output stays what it is. So a dead encoder with target 0 keeps the
-wheel running, and a reversed one drives it to full speed.
+While the error is zero the output does not change. So a dead encoder with target 0 keeps the wheel
+running, and a reversed one drives it to full speed.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ class LoopSettings(msgspec.Struct, frozen=True, kw_only=True):
     """The settings as the interrupt uses them.
 
     Attributes:
-        mm_s_per_tick: Rim speed that one count in 10 ms stands for; 0 where the settings hold a
-            zero, and the board measures nothing.
+        mm_s_per_tick: Rim speed that one count in 10 ms stands for; 0 if the settings hold a zero,
+            and the board measures nothing.
         dead_zone: PWM units added to the loop's output.
-        most_output: Where the loop's output is limited, before that.
+        most_output: The limit of the loop's output, before the dead zone is added.
         frozen: Nothing is counted or regulated, outputs stay.
         inverted: Outputs go out with the other sign, as for motors of another type.
         counts_inverted: Counts come in with the other sign, as of motors of another type.
@@ -154,7 +154,7 @@ class MotorControl:
             self._plant.set_outputs(tuple(self._outputs(tuning)))
 
     def renew_totals(self, now_ns: int, tuning: LoopSettings) -> None:
-        """Bring the totals up to what the encoders have counted by now."""
+        """Add the encoders' latest counts to the totals."""
         self._plant.advance(now_ns)
         if tuning.frozen:
             return
@@ -191,6 +191,6 @@ class MotorControl:
 
 
 def _signed(value: int, bits: int) -> int:
-    """A whole number as so many bits hold it."""
+    """Wrap a whole number to a signed integer of this many bits."""
     half = 1 << (bits - 1)
     return (value + half) % (2 * half) - half

@@ -1,7 +1,7 @@
-"""The ground truth: where the simulated robot is, to compare odometry with.
+"""The ground truth: the simulated robot's true pose, to compare odometry with.
 
-A file of JSON lines, one sample every 10 ms. Stamps are the time that the robot was moved on: on a
-pty CLOCK_MONOTONIC, which other processes of the same machine share.
+A file of JSON lines, one sample every 10 ms. Stamps are the simulation's time: on a pty
+CLOCK_MONOTONIC, which other processes of the same machine share.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ from yahboomd.core.model import Counts, Pose2d
 from yahboomd.simulation.lines import LinesWriter, read_lines
 
 FLUSH_SAMPLES = 20
-"""Samples between two flushes: what a killed simulator loses, and a reader waits for."""
+"""Samples between two flushes: a killed simulator loses at most these, and a reader waits for them.
+"""
 
 
 class TruthSample(msgspec.Struct, frozen=True, kw_only=True):
@@ -50,7 +51,7 @@ class TruthSample(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class TruthWriter(LinesWriter):
-    """Writes samples to a file; :meth:`write` is what a robot's ``on_truth`` takes."""
+    """Writes samples to a file; :meth:`write` fits a robot's ``on_truth``."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, flush_every=FLUSH_SAMPLES)

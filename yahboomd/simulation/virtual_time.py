@@ -1,4 +1,4 @@
-"""An event loop whose time jumps: whatever waits for a timer waits no real time.
+"""An event loop whose time jumps: waiting for a timer takes no real time.
 
 When nothing is ready to run, the loop's time moves to the next timer at once. Files, sockets and
 threads still work, but take no virtual time: work handed to a thread may find that timers have
@@ -31,7 +31,7 @@ REAL_PATIENCE_S = 60.0
 
 
 class Deadlock(RuntimeError):
-    """Nothing is ready, no timer is left, and nothing came from outside."""
+    """Nothing is ready, no timer is left, and no file or socket became ready."""
 
 
 class _Selector(selectors.BaseSelector):
@@ -61,7 +61,7 @@ class _Selector(selectors.BaseSelector):
         self._real.close()
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        # The loop's own pipe only ends a wait, and here none is.
+        # The loop's own pipe only wakes a waiting loop, and this one never waits.
         ready = self._real.select(0) if len(self._real.get_map()) > 1 else []
         if ready or timeout == 0:
             return ready
@@ -75,7 +75,7 @@ class _Selector(selectors.BaseSelector):
 
 
 class VirtualTimeLoop(asyncio.SelectorEventLoop):
-    """The loop; its ``time()`` is virtual."""
+    """An event loop whose ``time()`` is virtual."""
 
     def __init__(self) -> None:
         # The base class asks for the time while it is being made.
@@ -87,7 +87,7 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
         return self._virtual.now_ns / NS_PER_S
 
     def freeze(self, for_s: float) -> None:
-        """Let time pass in which nothing runs, as in a process that is stopped and goes on."""
+        """Advance the time while nothing runs, as in a process that is stopped and continued."""
         self._virtual.now_ns += round(for_s * NS_PER_S)
 
 
@@ -104,7 +104,7 @@ def run(main: Coroutine[Any, Any, T]) -> T:
 
 async def _leaving_nothing(main: Coroutine[Any, Any, T]) -> T:
     result = await main
-    # One turn for what was cancelled last.
+    # One turn of the loop, in which tasks that were cancelled last can end.
     await asyncio.sleep(0)
     left = asyncio.all_tasks() - {asyncio.current_task()}
     if left:

@@ -22,7 +22,7 @@ class Wire:
 
     def __init__(self, baud: int) -> None:
         self._baud = baud
-        # Runs of bytes without a gap: when the first one starts, and what is still to arrive.
+        # Runs of bytes without a gap: the start of the first byte, the bytes, the number taken.
         self._runs: deque[tuple[int, bytes, int]] = deque()
         self.idle_ns = 0
 
@@ -80,7 +80,7 @@ class Wire:
         return arrivals
 
     def cut(self, now_ns: int) -> None:
-        """The sender stops here: bytes that have not arrived by now never will."""
+        """Stop the sender: bytes that have not arrived by now never will."""
         kept: deque[tuple[int, bytes, int]] = deque()
         for start_ns, data, taken in self._runs:
             arrived = self._arrived(start_ns, now_ns, len(data))

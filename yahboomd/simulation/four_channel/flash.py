@@ -24,7 +24,7 @@ class FlashContent(msgspec.Struct, frozen=True, kw_only=True):
         dead_zone: PWM units that the speed loop adds to its output.
         lines: Encoder lines per turn of the motor.
         ratio: Gear ratio, whole.
-        wheel_diameter_mm: What the board takes the wheels for.
+        wheel_diameter_mm: The diameter that the board assumes.
     """
 
     motor_type: int = 1
@@ -52,10 +52,10 @@ _ERASED = FlashContent(
     i=math.nan,
     d=math.nan,
 )
-"""Erased flash holds ones: the most that a whole number can be, and no number as a decimal one."""
+"""Erased flash holds ones: the largest whole number, and NaN as a decimal one."""
 
 _NO_NUMBER = "-680564693277057680000000000000000000000.000"
-"""What the firmware prints for one that is none."""
+"""The text that the firmware prints for NaN."""
 
 _WHOLE = re.compile(rb"\s*([+-]?\d+)")
 _DECIMAL = re.compile(rb"\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)")
@@ -83,7 +83,7 @@ def fields(args: bytes) -> list[bytes]:
 
 
 def short(value: int) -> int:
-    """Convert a number as a signed 16-bit integer of the firmware does."""
+    """Wrap a number to 16 bits, signed, as the firmware does."""
     return (value + 0x8000) % 0x1_0000 - 0x8000
 
 
@@ -150,8 +150,8 @@ def cut_short(content: FlashContent, written: int) -> FlashContent:
     """The flash after a loss of power within a write: its page was erased, and filled in part.
 
     Args:
-        content: What was to be stored.
-        written: So many values of it were written.
+        content: The content to store.
+        written: The number of values that were written.
     """
     lost = msgspec.structs.asdict(_ERASED)
     names = FlashContent.__struct_fields__[written:]
@@ -159,7 +159,7 @@ def cut_short(content: FlashContent, written: int) -> FlashContent:
 
 
 def is_erased(content: FlashContent, name: str) -> bool:
-    """Whether a value is what erased flash holds, so that another needs no erasure."""
+    """Whether the flash of a value is erased, so that a new value needs no erasure."""
     value, erased = getattr(content, name), getattr(_ERASED, name)
     return bool(value == erased or (math.isnan(value) and math.isnan(erased)))
 
@@ -201,7 +201,7 @@ def tuning(content: FlashContent, wired_type: int) -> LoopSettings:
 
     Args:
         content: The settings.
-        wired_type: What the motors really are.
+        wired_type: The true type of the motors.
     """
     return LoopSettings(
         mm_s_per_tick=_number(mm_s_per_tick(content)),
@@ -219,7 +219,7 @@ def tuning(content: FlashContent, wired_type: int) -> LoopSettings:
 
 
 def _number(value: float) -> float:
-    """Zero for what is no number: the processor's conversion to whole numbers makes it that."""
+    """Replace NaN by zero, as the processor's conversion to whole numbers does."""
     return 0.0 if math.isnan(value) else value
 
 

@@ -2,10 +2,10 @@
 
 - ``$`` opens a frame, ``#`` closes it; between them everything is data, ``$`` and newlines too.
 - Outside a frame everything is ignored.
-- A frame of more than 51 characters is given up at its 52nd.
-- Of a finished frame and one that was too long the main loop sees the later one alone.
-- A finished frame overwrites whatever is in the mailbox, and the loop that carries out a command
-  wipes the mailbox afterwards: a frame that arrived meanwhile is found empty.
+- A frame of more than 51 characters is discarded at its 52nd.
+- Of a finished frame and a too long one the main loop sees only the later.
+- A finished frame overwrites the mailbox, and the main loop wipes the mailbox after each command: a
+  frame that arrived meanwhile is empty when the loop takes it.
 """
 
 from __future__ import annotations
@@ -49,16 +49,16 @@ class Mailbox:
         self._content = b"\x00" + self._content[1:]
 
     def take(self) -> bytes:
-        """The frame for the main loop: the newest finished one, or none where it was wiped."""
+        """Return the newest finished frame to the main loop; empty if it was wiped."""
         self.ready = False
         return self._content
 
     def wipe(self) -> None:
-        """Clear the content, of whichever frame it is by now."""
+        """Clear the content, even if it belongs to a newer frame by now."""
         self._content = b""
 
     def reset(self) -> None:
-        """Discard everything, half frames too."""
+        """Discard everything, incomplete frames too."""
         self.ready = self.too_long = False
         self._content = b""
         self._collected = None

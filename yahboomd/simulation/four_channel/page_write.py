@@ -37,11 +37,11 @@ class PageWrite:
         self.filled_ns = self.erased_ns + _duration_ns(FILL_NS, random)
 
     def halts_until_ns(self, at_ns: int) -> int:
-        """When the processor goes on if it is halted at a moment, which is that moment if not."""
+        """The moment at which a processor halted at ``at_ns`` goes on; ``at_ns`` if it is not."""
         return self.erased_ns if self.begin_ns <= at_ns < self.erased_ns else at_ns
 
     def left(self, at_ns: int) -> FlashContent:
-        """What the board has after a loss of power: what it is sold with if the page was empty."""
+        """The flash after a loss of power at ``at_ns``: factory settings if the page was empty."""
         if at_ns < self.begin_ns:
             return self._before
         if at_ns < self.erased_ns:

@@ -1,8 +1,8 @@
-"""The board that is asked for its counters: the article's protocol, and nothing beyond it.
+"""The polled board: the article's protocol, and nothing beyond it.
 
-Frames are carried out one after another, unknown ones are ignored. Where the article is silent
-the model is plain: motors stand until a profile has been sent, a speed of 0 lets a motor go (there
-is no other way to stop one), and a reset says nothing.
+Frames are carried out one after another, unknown ones are ignored. What the article leaves open is
+modelled in the simplest way: motors stand until a profile has been sent, a speed of 0 releases a
+motor (there is no other way to stop one), and a reset prints nothing.
 """
 
 from __future__ import annotations

@@ -46,7 +46,7 @@ CARRY_OUT_NS = 100_000
 """The time for which a command without an answer occupies the main loop."""
 
 START_NS = 2_300_000
-"""The time from a reset to the banner. How soon a processor's clocks run is assumed: 2 ms of it."""
+"""The time from a reset to the banner; 2 ms of it, for the clocks' start, are assumed."""
 
 GAINS = ("p", "i", "d")
 FIELDS = {
@@ -56,29 +56,29 @@ FIELDS = {
     b"mphase": ("ratio",),
     b"wdiameter": ("wheel_diameter_mm",),
 }
-"""What a command stores. The gains are obeyed after the reset, the others at once."""
+"""The fields that each command stores. Gains act after a reset, the others at once."""
 
 LAST_WORDS = b"\r\nReset MCU\r"
-"""The reset cuts its line's end off: the banner comes in the same line."""
+"""The reset cuts off the end of this line: the banner follows in the same line."""
 
 OFF_NS = 50_000_000
-"""How long the supply is gone where it fails within a write."""
+"""The duration of a supply failure within a write."""
 
 SPEED_LINE_TICKS = 6
 VOLTS_TICKS = 21
 MOST_VOLTS = 13.3
-"""The supply is measured that often, and read as 0 before the first time after a reset."""
+"""The greatest voltage reported; 0 is reported until the first measurement after a reset."""
 
 LONG_LINE = 50
 SPOILT_SHARE = 0.115
 """Commands lost while total lines of :data:`LONG_LINE` bytes and more are sent: 7 to 16 %."""
 
 FATAL_NUMBERS = 14
-"""The numbers in one command that overwrite what the MCU needs to go on."""
+"""This many numbers in one command overwrite memory that the MCU needs: it hangs."""
 
 LACKING_NUMBERS = 2
-"""With so few numbers in a speed or an output the MCU takes the others from where the last line of
-speeds was made: it hangs, not each time but often, if that line was not all zeros."""
+"""With at most this many numbers in a speed or output command, the MCU reads the missing ones from
+the memory of the latest line of speeds. If that line was not all zeros, it often hangs."""
 
 _NOT_FOUND = b"fail,Command not found!"
 
@@ -90,7 +90,7 @@ class StreamedBoard:
     """The streamed dialect's board.
 
     Attributes:
-        cut_writes: The supply fails within so many of the next writes of the flash.
+        cut_writes: The number of flash writes, from the next one on, within which the supply fails.
         streams: Those that are on: totals, deltas, speeds.
     """
 
@@ -135,7 +135,7 @@ class StreamedBoard:
             b"flash_reset": self._flash_reset,
             **{name: partial(self._set, name) for name in SETTINGS},
         }
-        # Names are in small letters or in capitals, but one.
+        # The firmware knows each name in lower and in upper case, ``upload`` in lower case only.
         self._commands = {
             spelt: carry_out
             for name, carry_out in commands.items()
@@ -165,7 +165,7 @@ class StreamedBoard:
         self.set_tick_period(now_ns, self._tick_period_ns, self._tick_jitter_ns)
 
     def set_tick_period(self, now_ns: int, period_ns: int, jitter_ns: int = 0) -> None:
-        """Renew the totals every ``period_ns`` from now on, or with every line where that is 0."""
+        """Renew the totals every ``period_ns`` from now on, or with every line if it is 0."""
         self._tick_period_ns, self._tick_jitter_ns = period_ns, jitter_ns
         self._renew_ns = now_ns + period_ns if period_ns and not self._renews_at_ticks else NEVER
 
@@ -301,10 +301,10 @@ class StreamedBoard:
         self._occupy(now_ns + saying_ns(len(data), self._baud, self._pace), then=then)
 
     def _resume(self, _now_ns: int) -> None:
-        """Continue the main loop after what occupied it."""
+        """Continue the main loop; nothing else is left to do."""
 
     def _done(self, _now_ns: int) -> None:
-        # Whatever frame has ended since the command was taken is lost here.
+        # A frame that has ended since the command was taken is lost here.
         self._mailbox.wipe()
 
     def _answer(self, text: bytes, now_ns: int) -> None:
@@ -355,7 +355,7 @@ class StreamedBoard:
     def _execute(self, command: bytes, now_ns: int) -> None:
         for name, carry_out in self._commands.items():
             if command.startswith(name):
-                # Whichever character follows the name is skipped, and a NUL ends the rest.
+                # The firmware skips the character after the name, and ends the rest at a NUL.
                 carry_out(command[len(name) + 1 :].partition(b"\0")[0], now_ns)
                 return
         self._answer(_NOT_FOUND, now_ns)
@@ -386,7 +386,7 @@ class StreamedBoard:
         self._carried_out(args, now_ns)
 
     def _upload(self, args: bytes, now_ns: int) -> None:
-        # What stands between the three digits is not looked at.
+        # The firmware ignores the characters between the three digits.
         a, b, c = (args[place : place + 1] == b"1" for place in (0, 2, 4))
         self.streams = (a, b, c)
         self._long_lines = self._long_lines and a

@@ -1,1 +1,1 @@
-"""The device side of the Rosmaster expansion board, as its firmware's source has it."""
+"""The Rosmaster expansion board, as its firmware's source defines it: board, cars and sensor."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from yahboomd.simulation.rosmaster.car_types import SUNRISE
 
 ALARM_AFTER = 20
-"""So many bad measurements, one each 100 ms, raise no alarm yet."""
+"""The bad measurements, one each 100 ms, after which the next one raises the alarm."""
 
 LOW_V, HIGH_V = 9.6, 13.0
 SUNRISE_V = (6.5, 8.5)
@@ -16,7 +16,7 @@ class BatteryAlarm:
     """The measured supply, and whether it was bad for two seconds.
 
     Attributes:
-        tenths: What was measured last, in 0.1 V: 0 at first, and that of the alarm once it is on.
+        tenths: The latest measurement in 0.1 V: 0 at first, frozen once the alarm is on.
         latched: The alarm is on.
     """
 
@@ -26,7 +26,7 @@ class BatteryAlarm:
         self._bad = 0
 
     def measure(self, volts: float, car_type: int) -> None:
-        """Take in a measurement; none once the alarm is on."""
+        """Process a measurement; ignored once the alarm is on."""
         if self.latched:
             return
         self.tenths = int(volts * 10.0)

@@ -1,4 +1,4 @@
-"""What the Rosmaster firmware does with its motors and its steering, by the type of the car."""
+"""The motors and the steering of the Rosmaster firmware, by the type of the car."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ BRAKED = 1
 """An output inside the motors' dead zone shorts them."""
 
 STOPS, BRAKES = 0, 7
-"""The states of function 11 that are no velocity."""
+"""The states of function 11 that are not a velocity."""
 
 COUNTS_TURNED_ROUND = {X3_PLUS, SUNRISE}
 """The types whose encoders the firmware reads with the other sign, as these cars are wired."""
@@ -35,13 +35,13 @@ class CarDrive:
     """Motors, speed loops and steering.
 
     Attributes:
-        car_type: In memory.
-        steering_deg: The angle of the front wheels that was commanded last, + left.
-        centre_deg: The servo's angle that is taken for straight ahead.
+        car_type: The type in memory.
+        steering_deg: The latest commanded angle of the front wheels, + left.
+        centre_deg: The servo's angle that counts as straight ahead.
         gains: P, I, D of the speed loops.
 
     Args:
-        stored: What the car is built for is what is stored at first.
+        stored: The initial settings of the flash. The simulated car is built to match them.
     """
 
     def __init__(self, plant: Plant, control: MotorControl, stored: RosmasterStored) -> None:
@@ -53,7 +53,7 @@ class CarDrive:
         self.begin()
 
     def load(self, stored: RosmasterStored) -> None:
-        """Begin with what is stored."""
+        """Load the stored settings, with the wheels straight."""
         self.car_type = stored.car_type
         self.gains = (single(stored.p), single(stored.i), single(stored.d))
         self.steering_deg = 0
@@ -61,12 +61,12 @@ class CarDrive:
         self._ahead = 0
 
     def begin(self) -> None:
-        """Put the servo where it belongs."""
+        """Turn the servo to straight ahead."""
         self.turn_servo(self.centre_deg)
 
     @property
     def car(self) -> CarType:
-        """The row of the type in memory; that of an X3 where there is none."""
+        """The row of the type in memory; the X3's if the table has none for it."""
         return CAR_TYPES.get(self.car_type, CAR_TYPES[1])
 
     @property
@@ -87,7 +87,7 @@ class CarDrive:
     # The commands.
 
     def move(self, vx: int, vy: int, wz: int) -> None:
-        """Function 12: mm/s, mm/s and mrad/s. Zeros brake, whatever car it is."""
+        """Function 12: mm/s, mm/s and mrad/s. Zeros brake on every type of car."""
         if vx == vy == wz == 0:
             self.brake()
         elif self.car_type == X3_PLUS:
@@ -117,7 +117,7 @@ class CarDrive:
             self._command(*car.run(state, speed))
 
     def set_outputs(self, shares: bytes) -> None:
-        """Function 10: open loop, until the speed loops run next where they do."""
+        """Function 10: open loop. Speed loops that are on set the outputs again when they run."""
         above = (PWM_MAX - self.car.dead_zone) / 100.0
         signed = (share - 256 if share > 127 else share for share in shares)
         zone = self.car.dead_zone
@@ -133,13 +133,13 @@ class CarDrive:
         self.turn_servo(self.centre_deg - self.steering_deg)
 
     def steer_with_wheels(self, angle_deg: int) -> None:
-        """Function 31 with 81: the rear wheels are to fit the angle, too."""
+        """Function 31 with 81: adapt the speeds of the rear wheels to the angle, too."""
         self.steer(angle_deg)
         angle = single(self.steering_deg * single(math.pi / 180.0))
         self._control.regulate(CAR_TYPES[R2].rear_wheels(self._ahead, angle))
 
     def set_centre(self, angle_deg: int) -> None:
-        """Function 30: the servo goes there at once."""
+        """Function 30: turn the servo to the new centre at once."""
         self.centre_deg = angle_deg
         self.turn_servo(angle_deg)
 
@@ -149,7 +149,7 @@ class CarDrive:
             self._plant.steer(self._straight_deg - angle_deg)
 
     def set_type(self, car_type: int) -> None:
-        """Be another car."""
+        """Change the type of the car."""
         if car_type == self.car_type:
             return
         self.car_type = car_type

@@ -15,7 +15,7 @@ from yahboomd.simulation.rosmaster.rosmaster_flash import short, single
 STEERING_LIMIT_DEG = 45
 
 KEEPS_ANGLE = 0xFF
-"""In place of an angle: it stays."""
+"""In place of an angle: keep the present one."""
 
 _DEGREES, _RADIAN = single(57.2957795), single(0.0174532925)
 
@@ -27,7 +27,7 @@ class CarType(msgspec.Struct, frozen=True, kw_only=True):
         circle_mm: Of a wheel.
         circle_counts: Counts of one turn.
         half_mm: Half of length and width, by which a turn is divided; the width of one that steers.
-        clamp_mm_s: Each wheel alone is limited to it.
+        clamp_mm_s: The limit of each wheel by itself.
         sideways: Whether vy is obeyed.
         axles_mm: From axle to axle, of one that steers.
         dead_zone: PWM units that are added to each output but 0.
@@ -63,7 +63,7 @@ class CarType(msgspec.Struct, frozen=True, kw_only=True):
 
         Args:
             vx: Not 0.
-            wz: Says which angle, where that is 0.
+            wz: Determines the angle if ``angle_deg`` is 0.
             angle_deg: Within the limit.
         """
         angle = single(angle_deg * _RADIAN)
@@ -116,7 +116,7 @@ class CarType(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def limited(angle_deg: int) -> int:
-    """The angle that the steering takes."""
+    """The angle within the limits of the steering."""
     return max(-STEERING_LIMIT_DEG, min(STEERING_LIMIT_DEG, angle_deg))
 
 
@@ -132,4 +132,4 @@ CAR_TYPES: dict[int, CarType] = {
 X3_PLUS, R2, SUNRISE = 2, 5, 6
 
 TYPES = 7
-"""It takes a type below that, and obeys few commands with one that it does not drive."""
+"""It accepts types below this, and obeys few commands with a type that it does not drive."""

@@ -1,7 +1,7 @@
 """The receiving side of the Rosmaster firmware: an interrupt and one buffer, byte for byte.
 
-A half frame waits for its end for ever, and takes it from the next frame. A frame that waits to be
-looked at is written over by the one behind it, which is lost with it.
+An incomplete frame waits for its end without a timeout, and takes it from the next frame. A new
+frame overwrites one that still waits for the task, and both are lost.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ class OneBuffer:
     """The buffer.
 
     Attributes:
-        waits: A frame was whole, and was not looked at yet.
+        waits: A frame is complete, and the task has not taken it yet.
     """
 
     def __init__(self) -> None:
@@ -24,7 +24,7 @@ class OneBuffer:
         self._length = 0
 
     def clear(self) -> None:
-        """Be as after a reset."""
+        """Return to the state after a reset."""
         self.waits = False
         self._state = self._index = self._length = 0
 
@@ -56,7 +56,7 @@ class OneBuffer:
                 self.waits = True
 
     def take(self) -> tuple[int, bytes] | None:
-        """Look: the function of the frame that waits and 16 bytes from its payload on, or None.
+        """Take the waiting frame: its function and 16 bytes from its payload on, or None.
 
         Behind a payload that is too short lie zeros, or what a frame left that was written over.
         Without a length there is nothing to sum, and the byte before the buffer is the checksum:
@@ -69,7 +69,7 @@ class OneBuffer:
             length > 0
         )
         found = (self._bytes[3], bytes(self._bytes[4:])) if valid else None
-        # A frame that is coming in is cut short: its next byte ends it.
+        # A frame that is still arriving is truncated: its next byte ends it.
         self._bytes[:length] = bytes(length)
         self._length = 0
         self.waits = False

@@ -1,14 +1,14 @@
-"""The Rosmaster expansion board: its firmware's tasks, as their source has them.
+"""The Rosmaster expansion board: its firmware's tasks, as its source defines them.
 
-- The interrupt of the serial port writes each byte into the one buffer there is, also over a frame
-  that waits. A task looks once a millisecond whether one does. Nothing is acknowledged.
+- The interrupt of the serial port writes each byte into the only buffer, also over a waiting frame.
+  A task checks for a frame once a millisecond. Nothing is acknowledged.
 - A task of 10 ms reads the encoders and runs the incremental speed loops.
 - A task of 1 ms answers the latest request and reports, four kinds in a cycle of 41 ms.
-- A write of the flash holds everything up: no task runs, no byte is received, outputs stay.
-- After a reset it says what it is, and then nothing for seconds, while its inertial sensor is set
-  up; the interrupt is on all the time, so that a frame waits until the tasks begin.
-- Where the battery is too low or too high for two seconds it brakes, and stops counting, reporting
-  and most listening until it is reset.
+- A write of the flash blocks everything: no task runs, no byte is received, outputs stay.
+- After a reset it sends its version and sensor, and then nothing for seconds, while it sets its
+  inertial sensor up; the interrupt is on all the time, so that a frame waits until the tasks begin.
+- When the battery is too low or too high for two seconds, it brakes, and stops counting and
+  reporting and ignores most commands until it is reset.
 """
 
 from __future__ import annotations
@@ -50,12 +50,12 @@ BATTERY_FIRST_NS = 93_000_000
 """After the start; until then it reports no voltage at all."""
 
 LATCHED_RESET_NS = 50_000_000
-"""A board whose alarm has latched takes a car type and resets itself so much later."""
+"""The time from a car type to the reset, of a board whose alarm has latched."""
 
 SOLD_AS = RosmasterStored()
 SUNRISE_GAINS = {"p": 1.5, "i": 0.08, "d": 0.5}
 GAINS_MOST = 10.0
-"""Greater ones that are stored are replaced at the next start."""
+"""Greater stored gains are replaced at the next start."""
 
 
 class RosmasterBoard:
@@ -81,7 +81,7 @@ class RosmasterBoard:
         self._clear()
 
     def _clear(self) -> None:
-        """Forget what is in memory alone."""
+        """Reset the memory; the flash stays."""
         stored = self.flash
         self._drive.load(stored)
         self._yaw_gains = (stored.yaw_p, stored.yaw_i, stored.yaw_d)
@@ -119,13 +119,13 @@ class RosmasterBoard:
         return NEVER if self._cycle_ns == NEVER else self._cycle_ns + REPORTS[self._report][0]
 
     def start(self, now_ns: int) -> None:
-        """Be a board that was powered long ago."""
+        """Start as a board that was powered long ago."""
         self._listens_ns = now_ns
         self._begin(now_ns)
         self._alarm.measure(self._plant.volts, self._drive.car_type)
 
     def reset(self, now_ns: int, *, off_ns: int = 0, by_power: bool) -> None:  # noqa: ARG002
-        """Lose all but the flash, announce the start, and be silent while the sensor is set up."""
+        """Lose all but the flash, announce the start, and stay silent during the sensor's setup."""
         self._plant.advance(now_ns)
         self._control.restart()
         self._clear()
@@ -139,7 +139,7 @@ class RosmasterBoard:
         self._banner_ns = self._begins_ns = self._listens_ns = self._reset_ns = NEVER
 
     def set_tick_period(self, now_ns: int, period_ns: int, jitter_ns: int = 0) -> None:  # noqa: ARG002
-        """Nothing that can be changed.
+        """Refuse: this board's periods are fixed.
 
         Raises:
             ValueError: Always.
@@ -147,7 +147,7 @@ class RosmasterBoard:
         raise ValueError("a rosmaster board counts every 10 ms and reports every 41 ms")
 
     def receive(self, byte: int, now_ns: int) -> None:
-        """The interrupt."""
+        """Store one byte, as the interrupt does."""
         if now_ns < self._listens_ns or now_ns <= self._deaf_ns:
             return
         self._buffer.receive(byte)
@@ -213,9 +213,9 @@ class RosmasterBoard:
             self._velocity = self._drive.car.body(deltas, self._drive.steering_deg)
 
     def _measure_battery(self, now_ns: int) -> None:
-        """Brake while the alarm is on; until then measure, and see whether it comes on.
+        """Measure the battery, and brake each time if the alarm is on.
 
-        Between its first brake and its second the speed loops end, and let the motors go.
+        Between its first brake and its second the speed loops end, and release the motors.
         """
         self._battery_ns += BATTERY_NS
         self._plant.advance(now_ns)
@@ -303,7 +303,7 @@ class RosmasterBoard:
             case 0x15:
                 self._set_type(args[0], saved=args[1] == IN_FLASH, now_ns=now_ns)
             case 0x24 if args[0] == 0:
-                # The arm's middle positions, which nothing here has.
+                # The middle positions of an arm, which is not simulated.
                 self._write_flash(now_ns)
             case 0x30 if args[0] == 1 and args[1] <= 180:
                 drive.set_centre(args[1])
@@ -318,7 +318,7 @@ class RosmasterBoard:
             case 0xA0 if args[0] == IN_FLASH:
                 self._restore(now_ns)
             case _:
-                # Lights, buzzer, servos of an arm: nothing that is simulated.
+                # Lights, buzzer and servos of an arm are not simulated.
                 pass
 
     def _answer(self, function: int, parameter: int, now_ns: int) -> None:
@@ -359,20 +359,20 @@ class RosmasterBoard:
         self.flash = msgspec.structs.replace(self.flash, p=p, i=i, d=d)
 
     def _keep(self, words: str, name: str, value: int, now_ns: int) -> None:
-        """Write a value that differs; it says what it read."""
+        """Print the stored value, and write the new one if it differs."""
         had = getattr(self.flash, name)
         self.emit(f"FRead {words}:{had}\n".encode(), now_ns)
         if had != value:
             self._write_flash(now_ns, **{name: min(value, 1) if name == "auto_report" else value})
 
     def _restore(self, now_ns: int) -> None:
-        """Store what it is sold with, as far as it differs, and start again."""
+        """Store the factory settings and start again; each value that differed takes a write."""
         stored = self.flash
         differ = (
             *(not stored.auto_report, stored.car_type != SOLD_AS.car_type),
             stored.steering_centre != SOLD_AS.steering_centre,
         )
-        # The gains, an arm's and two marks are written without a look.
+        # The gains, an arm's and two marks are written even if they do not differ.
         self.flash = msgspec.structs.replace(SOLD_AS, imu=stored.imu)
         self._drive.set_centre(SOLD_AS.steering_centre)
         self._reports = True

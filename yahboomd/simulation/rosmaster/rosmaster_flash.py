@@ -1,4 +1,4 @@
-"""What the Rosmaster board stores, and the numbers of its processor."""
+"""The settings that the Rosmaster board stores, and the numbers of its processor."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class RosmasterStored(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         car_type: As the firmware numbers them; one above 6 belongs to other firmware.
-        auto_report: 1 where it reports by itself.
+        auto_report: 1 if it sends reports by itself.
         steering_centre: The servo's angle that is taken for straight ahead, in degrees.
         imu: ``mpu9250``, ``icm20948``, or empty.
     """
