@@ -104,7 +104,7 @@ def run(main: Coroutine[Any, Any, T]) -> T:
 
 async def _leaving_nothing(main: Coroutine[Any, Any, T]) -> T:
     result = await main
-    # One turn of the loop, in which tasks that were cancelled last can end.
+    # Yield once, so that tasks that were cancelled last can end.
     await asyncio.sleep(0)
     left = asyncio.all_tasks() - {asyncio.current_task()}
     if left:
