@@ -15,8 +15,7 @@ from yahboomd.core.model import Counts, Pose2d
 from yahboomd.simulation.lines import LinesWriter, read_lines
 
 FLUSH_SAMPLES = 20
-"""Samples between two flushes: a killed simulator loses at most these, and a reader waits for them.
-"""
+"""Samples between two flushes: a killed simulator loses at most these, a reader waits for them."""
 
 
 class TruthSample(msgspec.Struct, frozen=True, kw_only=True):
