@@ -35,7 +35,7 @@ async def test_a_daemon_that_goes_and_comes_is_noticed_both_times(fake_daemon: A
     await daemon.stop()
     await eventually(lambda: not us.alive)
     assert us.status is None
-    await eventually(lambda: "is lost; it is made again by itself" in us.problem)
+    await eventually(lambda: "is lost; it reconnects by itself" in us.problem)
     await daemon.start()
     await us.wait_alive(PATIENCE_S)
     assert us.problem == ""

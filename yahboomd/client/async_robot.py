@@ -46,7 +46,7 @@ log = logging.getLogger("yahboomd.client")
 Message = TypeVar("Message", bound=msgspec.Struct)
 
 ENDPOINT = "tcp/127.0.0.1:7448"
-"""The endpoint where a daemon listens by default, for this machine alone."""
+"""A daemon's default endpoint, for this machine only."""
 
 DEADMAN_S = 1.0
 RATE_HZ = 20.0
@@ -64,7 +64,7 @@ STANDING_M_S = 0.03
 """A wheel that is slower counts as standing."""
 
 STANDING_SAMPLES = 3
-"""The samples in a row that must show it: one may have been under way when the stop was sent."""
+"""Consecutive samples that must show it: one may have been on its way when the stop was sent."""
 
 
 class AsyncRobot(NewestSamples, RobotMoves):
@@ -121,7 +121,7 @@ class AsyncRobot(NewestSamples, RobotMoves):
             await self.join(self._wait_s)
             left_s = self._wait_s - seconds(self._clock.now_ns() - begun_ns)
             await self._connection.wait_alive(max(left_s, LISTEN_S))
-            # The next one comes within half a second; where this is refused, it is waited for.
+            # If an access control refuses this, the next status comes within half a second.
             with suppress(NoDaemon):
                 if (status := await self.get(StatusSample)) is not None:
                     self._connection.learn_status(status)
@@ -140,12 +140,12 @@ class AsyncRobot(NewestSamples, RobotMoves):
         """Open the session without waiting for a daemon behind it; ``async with`` does both.
 
         Args:
-            wait_s: How long a router is waited for, in seconds; 0 for one try, ``math.inf`` for
-                ever.
+            wait_s: How long to wait for a router, in seconds; 0: one try, ``math.inf``: without
+                limit.
 
         Raises:
             NoDaemon: Nothing answers there in time.
-            BusError: It can never be opened like this: a wrong endpoint, namespace or file.
+            BusError: The endpoint, the namespace or the file cannot be used.
         """
         if self._joined:
             raise BusError("A robot is entered once.", remedy="Make another one with connect().")
@@ -154,9 +154,9 @@ class AsyncRobot(NewestSamples, RobotMoves):
         self._commands.open()
 
     async def close(self) -> None:
-        """Stop the robot and end the session; what ``async with`` does at its end.
+        """Stop the robot and end the session, as ``async with`` does at its end.
 
-        A cancellation waits until it is done, which takes some 0.3 s.
+        This takes some 0.3 s; a cancellation takes effect afterwards.
         """
         if self._closing is None:
             self._closing = asyncio.create_task(self._leave(), name="client-leave")
@@ -241,25 +241,25 @@ class AsyncRobot(NewestSamples, RobotMoves):
     def drive(
         self, vx: float = 0.0, wz: float = 0.0, *, vy: float = 0.0, for_s: float | None = None
     ) -> bool:
-        """Command a velocity, repeated until the next command, a stop, or its time is over.
+        """Command a velocity, repeated until the next command, a stop, or the end of its time.
 
-        Without ``for_s`` it has to be called again within the deadman's time (1 s): a program that
-        hangs does not drive on. A command ends when the daemon is lost; it is never sent later. It
-        also ends when this program did not run for as long as the daemon waits for its source (the
+        Without ``for_s`` call it again within the deadman's time (1 s): so a program that hangs
+        does not keep driving. A command ends when the daemon is lost; it is never sent later. It
+        also ends if this program does not run for as long as the daemon waits for its source (the
         source's ``timeout_s``; 0.5 s unless configured): the robot has stopped by then.
 
         Args:
             vx: Forward, m/s.
             wz: Counter-clockwise, rad/s.
             vy: To the left, m/s; for mecanum wheels.
-            for_s: How long it is repeated, in seconds; ``math.inf`` until the next command.
+            for_s: How long to repeat it, in seconds; ``math.inf``: until the next command.
 
         Returns:
-            Whether it is sent; False while no daemon is there, then it is dropped and counted.
+            Whether it is sent; without a daemon it is dropped and counted.
 
         Raises:
             ValueError: A velocity is not finite, or ``for_s`` is not positive.
-            TypeError: One of them is no number, such as a text or a truth value.
+            TypeError: One of them is not a number: a text, for example, or a bool.
         """
         twist = Twist2d(vx=number("vx", vx), vy=number("vy", vy), wz=number("wz", wz))
         return self._commands.drive(twist, None if for_s is None else number("for_s", for_s))
@@ -302,11 +302,11 @@ class AsyncRobot(NewestSamples, RobotMoves):
         """Wait until the latest command has ended, its zeros included.
 
         Returns:
-            Whether it ended by its time or a stop; False where the daemon was lost.
+            Whether it ended by its time or a stop; False if the daemon was lost.
 
         Raises:
             CommandEnded: This program did not run for as long as the daemon waits for commands, so
-                the robot stopped: call :meth:`drive` again to go on.
+                the robot stopped; call :meth:`drive` again to continue.
         """
         return await self._commands.finished()
 
@@ -314,8 +314,8 @@ class AsyncRobot(NewestSamples, RobotMoves):
         """Wait until the wheels are measured to stand.
 
         Returns:
-            Whether they do; False where they still turn after ``within_s`` seconds, or no samples
-            of them come.
+            Whether they do; False if they still turn after ``within_s`` seconds, or no samples of
+            them come.
         """
         slow = 0
         stream = self.samples(WheelsSample)
@@ -338,10 +338,10 @@ class AsyncRobot(NewestSamples, RobotMoves):
     def newest(self, message: type[Message]) -> Message | None:
         """The newest sample, such as ``robot.newest(PoseSample)``.
 
-        The first call subscribes. Nothing of Python runs when a sample comes, only when it is read.
+        The first call subscribes. No Python code runs when a sample comes, only when it is read.
 
         Returns:
-            None while none came since the daemon is there.
+            None if none came since the daemon was found.
         """
         if message is StatusSample:
             return self._connection.status  # type: ignore[return-value]
@@ -356,15 +356,14 @@ class AsyncRobot(NewestSamples, RobotMoves):
     def samples(self, message: type[Message], *, depth: int | None = None) -> Samples[Message]:
         """Samples as they come: ``async for pose in robot.samples(PoseSample)``.
 
-        A reader that is slower than they come gets the newest one; of events the newest 64. It goes
-        on through restarts of the daemon, and ends when the robot is left. When a loop takes a
-        pose, twist, wheels or IMU sample that arrived more than 0.3 s ago, a warning is logged,
-        once for each robot.
+        A slower reader gets the newest one, or the newest 64 events. The iterator survives restarts
+        of the daemon, and ends when the robot is left. When a loop takes a pose, twist, wheels or
+        IMU sample that arrived more than 0.3 s ago, a warning is logged, once for each robot.
 
         Args:
             message: The kind, such as ``EventSample``.
-            depth: Samples queued for a slow reader, for one that needs every sample; the oldest are
-                dropped and counted. A queue of n hands out samples that are n samples old.
+            depth: The length of the queue, for a reader that needs every sample; the oldest samples
+                are dropped and counted. A reader of a full queue gets samples this many behind.
 
         Raises:
             ValueError: ``depth`` is below 1, or a daemon publishes no such message.
@@ -387,7 +386,7 @@ class AsyncRobot(NewestSamples, RobotMoves):
         age_s = seconds(self._clock.now_ns() - arrived_ns)
         if age_s <= OLD_S or message not in MOTION or self._warned_of_age:
             return
-        # Who asks for a queue gets old samples, and drives by them or does not.
+        # A queue was asked for, so old samples are expected unless this program drives.
         if depth > 1 and not self._commands.moves:
             return
         self._warned_of_age = True
@@ -411,12 +410,12 @@ class AsyncRobot(NewestSamples, RobotMoves):
 
         Args:
             message: The kind, such as ``EventSample``.
-            callback: Has to return soon: commands are repeated by the same loop. One that is slower
-                than samples come gets the newest; of events the newest 64.
+            callback: Has to return soon: the same loop repeats commands. A slower one gets the
+                newest sample, or the newest 64 events.
             depth: Samples queued for a slow callback.
 
         Returns:
-            Ends it.
+            A function that ends it.
         """
 
         def receive(arrivals: list[Arrival]) -> None:
@@ -431,7 +430,7 @@ class AsyncRobot(NewestSamples, RobotMoves):
         """Ask the daemon for its newest sample, whenever it was published.
 
         Returns:
-            None where there was none yet.
+            None if there is none yet.
 
         Raises:
             NoDaemon: No daemon answers within ``timeout_s`` seconds.
@@ -454,17 +453,17 @@ class AsyncRobot(NewestSamples, RobotMoves):
     async def request(
         self, key: str, payload: bytes = b"{}", *, timeout_s: float = 1.5, urgent: bool = False
     ) -> Answer:
-        """Ask a service; what became of it, as a value."""
+        """Ask a service; return the outcome, also if it refuses."""
         return read_answers(await self.ask(key, payload, timeout_s=timeout_s, urgent=urgent))
 
     async def call(
         self, key: str, payload: bytes = b"{}", *, timeout_s: float = 1.5, urgent: bool = False
     ) -> Answer:
-        """Ask a service; what became of it, where it was done.
+        """Ask a service; return the outcome, or raise if it is not done.
 
         Raises:
             NoDaemon: No daemon answers within ``timeout_s`` seconds.
-            Refused: One answered that it does not do it; the message says why.
+            Refused: A daemon refused; the message has the reason.
         """
         answer = await self.request(key, payload, timeout_s=timeout_s, urgent=urgent)
         if not answer.answered:
@@ -477,8 +476,8 @@ class AsyncRobot(NewestSamples, RobotMoves):
         """Engage the emergency stop of every daemon there; it stays until :meth:`release`.
 
         Args:
-            by: Who or what asks, for people; the client's label unless given, else the name and
-                the number of this process.
+            by: Who or what asks, for people. Default: the client's label, else the name and the
+                number of this process.
 
         Returns:
             The daemon's acknowledgement.
@@ -493,7 +492,7 @@ class AsyncRobot(NewestSamples, RobotMoves):
         return (await self.call(keys.ESTOP, payload, urgent=True)).message
 
     async def release(self) -> str:
-        """Release the emergency stop, and clear a fault; the daemon's words.
+        """Release the emergency stop, and clear a fault; returns the daemon's words.
 
         Raises:
             NoDaemon: No daemon answers.
@@ -502,13 +501,13 @@ class AsyncRobot(NewestSamples, RobotMoves):
         return (await self.call(keys.ESTOP_RESET)).message
 
     async def reset_odometry(self) -> str:
-        """Make the pose zero; the daemon's words."""
+        """Make the pose zero; returns the daemon's words."""
         return (await self.call(keys.ODOMETRY_RESET)).message
 
     async def set_pose(
         self, x: float, y: float, theta: float, *, covariance: Sequence[float] | None = None
     ) -> str:
-        """Have odometry go on from this pose; the daemon's words.
+        """Make odometry continue from this pose; returns the daemon's words.
 
         Args:
             x: Metres.
@@ -517,7 +516,7 @@ class AsyncRobot(NewestSamples, RobotMoves):
             covariance: Nine numbers over (x, y, theta), row by row; None: known exactly.
 
         Raises:
-            Refused: A number is out of all proportion, or the covariance is none.
+            Refused: A number is out of range, or the covariance is not a valid one.
         """
         given = None if covariance is None else tuple(float(each) for each in covariance)
         wanted = SetPoseRequest(x=x, y=y, theta=theta, covariance=given)  # type: ignore[arg-type]
@@ -528,7 +527,7 @@ class AsyncRobot(NewestSamples, RobotMoves):
         return (await self.call(keys.CONFIG)).data
 
     async def board(self) -> dict[str, Any]:
-        """The daemon's knowledge of the board: firmware, settings, problems.
+        """What the daemon knows of the board: firmware, settings, problems.
 
         Raises:
             Refused: No board is connected.
@@ -537,9 +536,9 @@ class AsyncRobot(NewestSamples, RobotMoves):
 
 
 def estop_payload(by: str = "") -> bytes:
-    """The payload that engages the e-stop, with who asks; this process unless given.
+    """The payload that engages the e-stop, with the name of who asks; default: this process.
 
-    A name that is too long to be read by the daemon is cut.
+    A name that is too long for the daemon is cut.
     """
     program = os.path.basename(sys.argv[0]) if sys.argv else ""
     named = program not in {"", "-c"}

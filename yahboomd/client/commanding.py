@@ -1,4 +1,4 @@
-"""Publishes the velocities of one client: repeats them, drops them without a daemon, ends them."""
+"""Publishes the velocities of one client: repeats and ends them, drops them without a daemon."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SOON_NS = 5_000_000
 """New commands are published at once, but not more often than this."""
 
 HEARD_NS = 1_000_000_000
-"""After so long without a subscriber it is known that the daemon takes no commands on the key."""
+"""Without a subscriber for this time, the daemon takes no commands on the key."""
 
 SILENCE_S = {keys.CMD_VEL_TELEOP: 0.3, keys.CMD_VEL_WEB: 0.3, "cmd_vel/moves": 0.3}
 """The silence after which a daemon stops the robot, by source, as it is configured by default."""
@@ -35,13 +35,13 @@ SILENCE_S = {keys.CMD_VEL_TELEOP: 0.3, keys.CMD_VEL_WEB: 0.3, "cmd_vel/moves": 0
 OTHER_SILENCE_S = 0.5
 
 LEAST_SILENCE_S = 0.03
-"""Less is as short as the time between two repetitions."""
+"""A shorter one would end between two repetitions."""
 
 REPEATS = 3
 """Repetitions within that silence, at least."""
 
 LAST_PUT_S = 0.5
-"""The longest wait for the last zero to be sent, where a connection is full."""
+"""The longest wait for the last zero to be sent, if the connection is congested."""
 
 ENCODING = "application/json;VelocityCommand"
 
@@ -53,7 +53,7 @@ def number(name: str, value: object) -> float:
     """A number that a program commands.
 
     Raises:
-        TypeError: It is none: ``float`` would make 1 m/s of True, and read a text.
+        TypeError: It is not a number; ``float()`` would accept True as 1 m/s, and texts.
     """
     if isinstance(value, bool) or not isinstance(value, Real):
         kind = type(value).__name__
@@ -62,7 +62,7 @@ def number(name: str, value: object) -> float:
 
 
 class Counters(msgspec.Struct, kw_only=True):
-    """Counters of what became of one client's commands.
+    """Counters of the fate of one client's commands.
 
     Attributes:
         published: Commands given to Zenoh, repetitions and zeros included.
@@ -121,10 +121,10 @@ class Commands:
         self.learn_silence(None)
 
     def learn_silence(self, silence_s: float | None) -> None:
-        """Note how long the daemon waits for this source; None: it did not tell."""
+        """Set how long the daemon waits for this source; None if it is unknown."""
         if silence_s is None:
             silence_s = SILENCE_S.get(self._source, OTHER_SILENCE_S)
-        # A program that was silent for as long has to command again: its robot stopped by itself.
+        # After this silence the robot has stopped by itself: the program has to command again.
         self._pauses.shortest_ns = nanoseconds(max(silence_s, LEAST_SILENCE_S))
         self._period_ns = min(self._rate_period_ns, self._pauses.shortest_ns // REPEATS)
 
@@ -175,7 +175,7 @@ class Commands:
         return True
 
     def stop(self) -> None:
-        """Publish a zero at once, and some more."""
+        """Publish a zero at once, and repeat it for a moment."""
         if self._closed or not self._connection.alive:
             self._repeater.interrupt()
             return
@@ -184,7 +184,7 @@ class Commands:
         self._repeat()
 
     def presence_changed(self, alive: bool) -> None:
-        """The daemon came or went: what was commanded before ends."""
+        """The daemon came or went: end the command if it is lost."""
         self._warned = ""
         if alive:
             return
@@ -205,8 +205,8 @@ class Commands:
             await asyncio.wait([self._repeating])
 
     async def close(self) -> None:
-        """Stop the robot, where this client drove it, and publish nothing more."""
-        # Where nothing is published any more, others may drive by now.
+        """Stop the robot if this client drives it, and publish nothing more."""
+        # An idle client sends no zero: another source may drive by now.
         driving = not self._repeater.idle
         try:
             if self._repeater.twist is not None:
@@ -222,7 +222,7 @@ class Commands:
                 await self._last_zero()
 
     async def _last_zero(self) -> None:
-        # Of the zeros before, a full connection may have lost all; this one waits for room.
+        # A congested connection may have dropped all zeros so far; this one waits for room.
         bus = self._connection.bus
         key, payload = bus.key(self._source), self._encoded(STANDSTILL)
         try:
@@ -255,7 +255,7 @@ class Commands:
                 self._publish()
                 if self.heard:
                     heard_ns = self._clock.now_ns()
-                # A daemon that is lost is unheard a moment before it is known to be gone.
+                # A lost daemon stops subscribing a moment before it is known to be gone.
                 elif self._clock.now_ns() - heard_ns > HEARD_NS:
                     self._warn(
                         f"The daemon accepts no commands on {self._source}. Start it with "
@@ -266,7 +266,7 @@ class Commands:
             self._last = None
 
     def _end_after(self, pause: Pause | None) -> None:
-        # The robot stopped meanwhile, by itself: it does not start again unasked.
+        # The robot has stopped by itself meanwhile, and must not start again without a command.
         if pause is None or self._repeater.twist is None:
             return
         self.counters.interrupted += 1
@@ -291,7 +291,7 @@ class Commands:
             self.counters.deadman += 1
             self._warn(
                 f"The robot stops: drive() was not called again within {self._deadman_s:g} s. "
-                "Call it more often, or say how long: drive(..., for_s=3)."
+                "Call it more often, or give it a time: drive(..., for_s=3)."
             )
         if twist is None or self._publisher is None:
             return
@@ -306,7 +306,7 @@ class Commands:
             vx=twist.vx,
             vy=twist.vy,
             wz=twist.wz,
-            # By its stamp a command that was held up on its way is recognised, and refused.
+            # The daemon recognises a delayed command by its stamp, and refuses it.
             stamp_ns=self._clock.wall_ns(),
             source=self._label or None,
         )

@@ -1,4 +1,4 @@
-"""Makes a robot of an address."""
+"""Makes a client from an address."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ def client_options(
     """The options of a client's session.
 
     Args:
-        endpoint: Where the daemon or its router is reached, or several such places.
+        endpoint: The address of the daemon or its router, or several of them.
         namespace: The robot's.
-        zenoh_file: A JSON5 file of Zenoh's: certificates, passwords. Its access control is the
-            daemon's to enforce.
+        zenoh_file: A JSON5 file of Zenoh's: certificates, passwords. Access control is enforced by
+            the daemon.
     """
     return BusOptions(
         mode="client",
@@ -44,23 +44,23 @@ def connect(
 ) -> AsyncRobot:
     """Make a robot for asyncio, to be entered by ``async with``.
 
-    Entering waits for the daemon; leaving stops the robot, whatever ends the block. In between the
-    connection is made again by itself when it is lost.
+    Entering waits for the daemon; leaving stops the robot, also after an exception. In between a
+    lost connection reconnects by itself.
 
     Args:
-        endpoint: Where the daemon or its router is reached, or several such places.
+        endpoint: The address of the daemon or its router, or several of them.
         namespace: The robot's, as in the section ``[zenoh]`` of its configuration.
         source: The key to command on; the daemon's ``[command.sources]`` gives it its priority.
         label: Who commands, for people who read the daemon's status.
-        deadman_s: A command without a time of its own lasts so many seconds, unless the next comes.
+        deadman_s: How long a command without ``for_s`` lasts, in seconds.
         rate_hz: How often a command is repeated. The daemon stops the robot after 0.5 s of silence.
-        wait_s: How long entering waits for the daemon, in seconds; 0 for one try, ``math.inf`` for
-            ever.
+        wait_s: How long entering waits for the daemon, in seconds; 0: one try, ``math.inf``:
+            without limit.
         zenoh_file: A JSON5 file of Zenoh's, for certificates and passwords.
 
     Raises:
-        ValueError: An argument cannot be.
-        NoDaemon: (On entering) no daemon answers there in time; the message says what to do.
+        ValueError: An argument is out of range.
+        NoDaemon: (On entering) no daemon answers there in time; the message includes a remedy.
         BusError: (On entering) the endpoint, the namespace or the file cannot be used.
     """
     return AsyncRobot(

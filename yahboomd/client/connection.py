@@ -1,8 +1,8 @@
 """The connection to a daemon: opened when a router answers, kept by Zenoh, and judged here.
 
-A Zenoh client cannot be opened without a router, so opening is tried until it works. An open one
-reconnects by itself, within two seconds. Whether a daemon is behind it is known by its liveliness
-token, and by its status where an access control hides the token.
+A Zenoh client cannot open without a router, so opening is retried until it works. An open one
+reconnects by itself, within two seconds. A daemon shows itself by its liveliness token, or by its
+status if an access control hides the token.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ RETRY_S = 0.25
 LOOK_S = 0.25
 
 PATIENCE_S = 2.0
-"""A daemon publishes its status twice a second: after so long without one, none is there."""
+"""Without a status for this time no daemon is there: it publishes one twice a second."""
 
 MAX_BYTES = 1 << 18
 """The largest sample that a client takes: a status with every counter has some kilobytes."""
@@ -90,11 +90,11 @@ class Connection:
         """Open the session.
 
         Args:
-            wait_s: How long a router is waited for; 0 for one try, ``math.inf`` for ever.
+            wait_s: How long to wait for a router; 0: one try, ``math.inf``: without limit.
 
         Raises:
             NoDaemon: Nothing answers there in time.
-            BusError: It can never be opened like this: a wrong endpoint, namespace or file.
+            BusError: The endpoint, the namespace or the file cannot be used.
         """
         zenoh_config(self.options)
         deadline_s = self._clock.now_ns() / 1e9 + wait_s
@@ -106,12 +106,12 @@ class Connection:
             except BusError as error:
                 self._failure = error
                 if self._clock.now_ns() / 1e9 >= deadline_s:
-                    # Our message has the cause's; its traceback is long, and advises a daemon.
+                    # Our message contains the cause's. Its traceback is long, and advises a daemon.
                     raise self.no_daemon() from None
                 await asyncio.sleep(RETRY_S)
         self._bus, self._opened_ns = bus, self._clock.now_ns()
         bus.subscribe(keys.STATUS, self._receive_status, max_bytes=MAX_BYTES)
-        # Each daemon has one of its own: of two in a namespace, one may end.
+        # Each daemon has its own token: one of two in a namespace may end.
         bus.watch_tokens(f"{keys.ALIVE}/*", self._tokens_changed)
         bus.watch_neighbours(self._neighbours_changed)
         self._watching = asyncio.create_task(self._watch(), name="client-watch")
@@ -120,7 +120,7 @@ class Connection:
         """Wait until the daemon is there.
 
         Raises:
-            NoDaemon: It is not there in time; the message says what is.
+            NoDaemon: It is not there in time; the message names the namespaces in use there.
         """
         try:
             async with asyncio.timeout(None if wait_s == float("inf") else wait_s):
@@ -130,7 +130,7 @@ class Connection:
             raise self.no_daemon(others) from None
 
     def learn_status(self, status: StatusSample) -> None:
-        """Keep a status that was asked for, until the next one comes."""
+        """Use a queried status until the first one is published."""
         self.status = self.status or status
 
     async def close(self) -> None:
@@ -150,11 +150,11 @@ class Connection:
         if self.alive:
             return ""
         if self._bus is None:
-            # To a person who drives a robot the router is the daemon.
+            # For a person who drives a robot, the router is the daemon.
             why = "" if self._failure is None else self._failure.message
             return why.replace("No Zenoh router answers", "No yahboomd answers")
         if not self._bus.neighbours:
-            return f"The connection to {self.where} is lost; it is made again by itself."
+            return f"The connection to {self.where} is lost; it reconnects by itself."
         if self._clock.now_ns() - self._opened_ns < nanoseconds(PATIENCE_S):
             return "The connection is there; listening …"
         return self._router_alone
@@ -169,7 +169,7 @@ class Connection:
         )
 
     def no_daemon(self, others: list[str] | None = None) -> NoDaemon:
-        """The error to raise where the daemon does not answer, with a remedy.
+        """The error to raise if the daemon does not answer, with a remedy.
 
         Args:
             others: Namespaces in which a daemon is there.
@@ -178,7 +178,7 @@ class Connection:
             listed = ", ".join(repr(each) if each else "none" for each in others)
             return NoDaemon(self._router_alone, remedy=f"Namespaces in use there: {listed}.")
         if self._bus is not None:
-            # What gave up waiting does not listen any more.
+            # The wait is over, so `problem`'s "listening" would be wrong.
             alone = self._router_alone if self._bus.neighbours and not self.alive else ""
             return NoDaemon(
                 alone or self.problem or f"The daemon at {self.where} does not answer.",
@@ -187,8 +187,8 @@ class Connection:
         remedy = "Start one there with `yahboomd run`."
         if not all(map(is_local, self.options.connect)):
             remedy += (
-                " A daemon accepts connections from other machines only where its zenoh.listen "
-                "names an address of the network."
+                " A daemon accepts connections from other machines only if its zenoh.listen names "
+                "an address of the network."
             )
         return NoDaemon(
             self.problem or f"No yahboomd answers at {self.where}.",
@@ -237,7 +237,7 @@ class Connection:
         """See whether the daemon is there.
 
         Args:
-            lost: It or the way to it was lost just now, even where both are back already.
+            lost: The daemon or the connection was lost just now, even if it is back already.
         """
         bus = self._bus
         if bus is None:
@@ -246,7 +246,7 @@ class Connection:
             self._set_alive(False)
         silent_ns = self._clock.now_ns() - (self._status_ns or self._opened_ns)
         talks = self._status_ns is not None and silent_ns < nanoseconds(PATIENCE_S)
-        # Tokens that were seen once are believed; where none are, the status shows a daemon.
+        # Once a token was seen, tokens decide; until then the status does.
         known = bool(self._tokens) if self._has_tokens else talks
         self._set_alive(known and bool(bus.neighbours))
 

@@ -1,8 +1,8 @@
 """SIGTERM and SIGHUP as ordinary ends of a program, so that its robot is stopped on the way out.
 
-By default both end a process on the spot. Where the program does not handle them, the main thread
-gets a ``SystemExit`` instead, as Ctrl-C gives it a ``KeyboardInterrupt``; in asyncio the tasks that
-entered are cancelled first, and the last of them to leave raises it: it ends the event loop.
+By default both kill a process at once. Unless the program handles them, its main thread gets a
+``SystemExit`` instead, as Ctrl-C gives it a ``KeyboardInterrupt``. In asyncio the tasks that
+entered are cancelled first; the last of them to leave raises it, which ends the event loop.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _entered: list[Endings] = []
 
 
 class Endings:
-    """The handlers, for the time that a robot is entered."""
+    """The signal handlers of one entered robot."""
 
     def __init__(self) -> None:
         self.task: asyncio.Task[object] | None = None
@@ -29,7 +29,7 @@ class Endings:
         self.came: int | None = None
 
     def begin_async(self) -> None:
-        """Cancel the current task on a signal; nothing outside of the main thread."""
+        """Cancel the current task on a signal; does nothing outside of the main thread."""
         task = asyncio.current_task()
         if task is None or threading.current_thread() is not threading.main_thread():
             return
@@ -47,7 +47,7 @@ class Endings:
             self.installed.append(number)
 
     def begin_plain(self) -> None:
-        """Raise ``SystemExit`` in the main thread; nothing when called outside of it."""
+        """Raise ``SystemExit`` in the main thread; does nothing outside of it."""
         if threading.current_thread() is not threading.main_thread():
             return
 
@@ -61,7 +61,7 @@ class Endings:
             self.installed.append(number)
 
     def end(self) -> None:
-        """Restore what was there.
+        """Restore the handlers from before.
 
         Raises:
             SystemExit: A signal came, and the task was cancelled for it.
@@ -91,7 +91,7 @@ def _unhandled() -> list[signal.Signals]:
 
 
 def shorten(error: KeyboardInterrupt) -> None:
-    """Leave the program's own lines in the traceback: where this library waited is no news."""
+    """Cut this library's own frames from the traceback; the program's lines remain."""
     step = error.__traceback__
     while step is not None and step.tb_next is not None:
         if step.tb_next.tb_frame.f_globals.get("__package__") == __package__:

@@ -1,4 +1,4 @@
-"""The messages and keys of `yahboomd moves`: what a client asks for, and what it is sent."""
+"""The messages and keys of `yahboomd moves`: requests of clients, and progress."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ class MoveEnded(YahboomdError):
     """The moves ended before their goal.
 
     Attributes:
-        reason: The word for it, such as ``taken_over`` or ``blocked``; docs/moves.md has them all.
+        reason: A word such as ``taken_over`` or ``blocked``; docs/moves.md lists them all.
     """
 
     exit_code = 1
@@ -62,7 +62,7 @@ class MoveEnded(YahboomdError):
 
 
 class Asking(Protocol):
-    """What moves need of a robot."""
+    """The methods of a robot that moves need."""
 
     @property
     def bus(self) -> Bus: ...
@@ -113,11 +113,11 @@ class MoveRun:
         await self.end()
 
     async def start(self) -> None:
-        """Ask for the moves; what ``async with`` does.
+        """Ask for the moves, as ``async with`` does.
 
         Raises:
             NoDaemon: No `yahboomd moves` answers.
-            Refused: It does not drive them; the message says why.
+            Refused: It does not drive them; the message has the reason.
         """
         bus = self._robot.bus
         self._token = bus.session.liveliness().declare_token(bus.key(f"{HOLDER}/{self._holder}"))
@@ -151,7 +151,7 @@ class MoveRun:
             return
         beating, self._beating = self._beating, None
         beating.cancel()
-        # Whatever becomes of the request: without beats and token the moves end by themselves.
+        # Even if the request fails, moves without beats and token end by themselves.
         self._release_token()
         try:
             if not self._over.is_set():
@@ -196,11 +196,11 @@ class MoveRun:
     # While they are driven.
 
     async def pause(self) -> None:
-        """Have the robot come to rest on its way; the moves go on with :meth:`resume`."""
+        """Make the robot stop on its way; :meth:`resume` continues the moves."""
         await self._chosen(PAUSE)
 
     async def resume(self) -> None:
-        """Go on."""
+        """Continue paused moves."""
         await self._chosen(RESUME)
 
     async def _chosen(self, key: str) -> None:

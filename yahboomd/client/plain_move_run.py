@@ -48,11 +48,11 @@ class PlainMoveRun:
         return sample
 
     def pause(self) -> None:
-        """Have the robot come to rest on its way."""
+        """Make the robot stop on its way."""
         self._wait(self._run.pause())
 
     def resume(self) -> None:
-        """Go on."""
+        """Continue paused moves."""
         self._wait(self._run.resume())
 
     def end(self) -> None:

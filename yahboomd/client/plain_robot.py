@@ -63,21 +63,21 @@ class Robot(NewestSamples):
     """One robot, through its daemon: ``with Robot("tcp/192.168.1.5:7448") as robot:``.
 
     Entering waits for the daemon; leaving stops the robot, also after an exception, Ctrl-C,
-    SIGTERM and SIGHUP. Commands are repeated by a thread, so a program may sleep between them; one
-    that hangs stops driving after the deadman's time. The methods may be called from any thread.
+    SIGTERM and SIGHUP. A thread repeats commands, so a program may sleep between them; one that
+    hangs stops driving after the deadman's time. The methods may be called from any thread.
 
     Args:
-        endpoint: Where the daemon or its router is reached, or several such places.
+        endpoint: The address of the daemon or its router, or several of them.
         namespace: The robot's, as in the section ``[zenoh]`` of its configuration.
         source: The key to command on; the daemon's ``[command.sources]`` gives it its priority.
         label: Who commands, for people who read the daemon's status.
-        deadman_s: A command without a time of its own lasts so many seconds, unless the next comes.
+        deadman_s: How long a command without ``for_s`` lasts, in seconds.
         rate_hz: How often a command is repeated. The daemon stops the robot after 0.5 s of silence.
-        wait_s: How long entering waits for the daemon, in seconds; ``math.inf`` for ever.
+        wait_s: How long entering waits for the daemon, in seconds; ``math.inf``: without limit.
         zenoh_file: A JSON5 file of Zenoh's, for certificates and passwords.
 
     Raises:
-        ValueError: An argument cannot be.
+        ValueError: An argument is out of range.
     """
 
     def __init__(
@@ -105,17 +105,17 @@ class Robot(NewestSamples):
         self._loop: asyncio.AbstractEventLoop | None = None
         self._thread: threading.Thread | None = None
         self._process = 0
-        # Held while work is handed to the loop, so that none is handed to one that has ended.
+        # Held while work is scheduled on the loop, so that none goes to a loop that has ended.
         self._handing = threading.Lock()
         self._endings = Endings()
 
     # Entering and leaving.
 
     def open(self) -> Self:
-        """Wait for the daemon; what ``with`` does. For notebooks: :meth:`close` has to follow.
+        """Wait for the daemon, as ``with`` does. For notebooks, which must call :meth:`close`.
 
         Raises:
-            NoDaemon: No daemon answers there in time; the message says what to do.
+            NoDaemon: No daemon answers there in time; the message includes a remedy.
             BusError: The endpoint, the namespace or the file cannot be used.
         """
         loop = asyncio.new_event_loop()
@@ -123,7 +123,7 @@ class Robot(NewestSamples):
         self._process = os.getpid()
         self._thread = threading.Thread(target=self._run, args=(loop,), daemon=True)
         self._thread.start()
-        # A program that ends without closing it stops the robot all the same.
+        # Also stop the robot if the program ends without closing it.
         atexit.register(self.close)
         try:
             self._wait(self._robot.__aenter__())
@@ -149,7 +149,7 @@ class Robot(NewestSamples):
             try:
                 concurrent.futures.wait([closing])
             except (KeyboardInterrupt, SystemExit) as error:
-                # Ctrl-C again: the robot is stopped all the same, which is bounded in time.
+                # Ctrl-C again: still stop the robot, which takes a bounded time.
                 impatience = error
         with self._handing:
             first, self._thread = self._thread is not None, None
@@ -202,7 +202,7 @@ class Robot(NewestSamples):
     # The loop's thread.
 
     def _hand(self, work: Coroutine[Any, Any, Result]) -> concurrent.futures.Future[Result] | None:
-        """Start a coroutine in the loop's thread; None where that has ended, or never began."""
+        """Start a coroutine in the loop's thread; None unless that thread runs."""
         with self._handing:
             if self._loop is not None and self._thread is not None:
                 return asyncio.run_coroutine_threadsafe(work, self._loop)
@@ -303,7 +303,7 @@ class Robot(NewestSamples):
         The first call subscribes, and asks the daemon for the newest one there.
 
         Returns:
-            None where there is none yet, or no daemon.
+            None if there is none yet, or no daemon.
         """
         sample = self._now(lambda: self._robot.newest(message))
         if sample is None and self.alive:
@@ -318,9 +318,9 @@ class Robot(NewestSamples):
     ) -> Iterator[Message]:
         """Samples as they come: ``for pose in robot.samples(PoseSample):``.
 
-        A loop that is slower than they come gets the newest one; of events, and with a ``depth``,
-        that many are queued. It goes on through restarts of the daemon, and ends when the robot is
-        left, or when none came for ``timeout_s`` seconds.
+        A slower loop gets the newest one; ``depth`` samples are queued if it is given, and 64
+        events. The iterator survives restarts of the daemon. It ends when the robot is left, or
+        when no sample came for ``timeout_s`` seconds.
         """
         stream = self._now(lambda: self._robot.samples(message, depth=depth))
         return self._iterate(stream, timeout_s)
@@ -346,12 +346,15 @@ class Robot(NewestSamples):
         *,
         depth: int | None = None,
     ) -> Callable[[], None]:
-        """Call back when samples come, in the thread that repeats commands; returns what ends it.
+        """Call back when samples come, in the thread that repeats commands.
 
         Args:
             message: The kind, such as ``EventSample``.
-            callback: Has to return soon. It may drive and stop, and not wait for the robot.
+            callback: Has to return soon. It may drive and stop, but not wait for the robot.
             depth: Samples queued for a slow callback, as for :meth:`samples`.
+
+        Returns:
+            A function that ends it.
         """
         end = self._now(lambda: self._robot.on(message, callback, depth=depth))
         return lambda: self._now(end)

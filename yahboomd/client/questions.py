@@ -1,4 +1,4 @@
-"""Queries to the daemon's services, and its answers put together."""
+"""Queries to the daemon's services, and the answers of several daemons combined."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from yahboomd.core.bus.blocking import bounded
 from yahboomd.core.messages.native import ServiceReply
 
 GRACE_S = 0.5
-"""A query that has not ended so long after its own timeout never will."""
+"""A query that has not ended this long after its own timeout never will."""
 
 
 class Answer(msgspec.Struct, frozen=True, kw_only=True):
@@ -21,10 +21,10 @@ class Answer(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         success: Whether every daemon that answered did it.
-        message: What was done, or why not, in the daemon's words; a sentence of ours where no
+        message: The daemon's report of success, or its reason against it; a sentence of ours if no
             daemon answered.
         answered: How many daemons answered.
-        data: What the first of them returned, by name.
+        data: The values that the first of them returned, by name.
     """
 
     success: bool
@@ -46,10 +46,10 @@ async def ask(
     Args:
         key: The key in full.
         payload: The request. Its encoding is also that of the answer.
-        urgent: Overtakes what else is under way.
+        urgent: Overtakes other messages on the way.
 
     Returns:
-        The payload of each answer; empty where no daemon answers in time.
+        The payload of each answer; empty if no daemon answers in time.
     """
 
     def get() -> list[bytes]:
@@ -77,7 +77,7 @@ def silence_of(payloads: list[bytes], source: str) -> float | None:
     """How long daemons wait for a source before they stop the robot, by their configurations.
 
     Returns:
-        Seconds, the shortest of several daemons; None where none tells.
+        Seconds, the shortest of several daemons; None if no answer has it.
     """
     found = list[float]()
     for payload in payloads:
@@ -98,10 +98,10 @@ def _group(facts: Mapping[str, Any], name: str) -> Mapping[str, Any]:
 
 
 def read_answers(payloads: list[bytes]) -> Answer:
-    """Put the answers of a service together; one that cannot be read counts as a refusal."""
+    """Combine the answers of a service; an unreadable one counts as a refusal."""
     replies = [
         read_sample(payload, ServiceReply)
-        or ServiceReply(success=False, message="An answer came that cannot be read.")
+        or ServiceReply(success=False, message="An answer cannot be read.")
         for payload in payloads
     ]
     if not replies:

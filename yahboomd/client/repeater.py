@@ -1,7 +1,7 @@
 """The velocity to publish now: a command until its deadline, then zeros, then nothing.
 
-A zero command holds control of the robot as any other does, so the zeros end as well. Pure;
-monotonic nanoseconds are handed in.
+A zero command holds control of the robot as any other does, so the zeros end as well. Pure: callers
+pass monotonic nanoseconds.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Literal, TypeAlias
 from yahboomd.core.model import STANDSTILL, Twist2d
 
 ZEROS_NS = 300_000_000
-"""For so long zeros follow motion. At 20 Hz these are seven, of which one has to arrive."""
+"""How long zeros are published after motion: seven at 20 Hz, of which one has to arrive."""
 
 End: TypeAlias = Literal["", "time", "stop", "interrupted", "paused"]
 """The cause that ended the latest command: its time, a stop, a lost daemon, or a pause."""
@@ -50,7 +50,7 @@ class Repeater:
         self._zeros_until_ns = now_ns + ZEROS_NS
 
     def interrupt(self) -> None:
-        """Publish nothing any more: there is no daemon to receive it."""
+        """Publish nothing more: no daemon is there to receive it."""
         if self._twist is not None:
             self.ended = "interrupted"
         self._twist = self._zeros_until_ns = None

@@ -16,13 +16,13 @@ class RobotMoves(ABC):
 
     Every move takes limits of its own: ``speed_m_s``, ``turn_rad_s``, ``acceleration_m_s2``,
     ``acceleration_rad_s2``, ``jerk_m_s3`` and ``jerk_rad_s3``; ``follow`` and ``go_to`` also
-    ``look_ahead_m`` and ``corner_m``. None of them exceeds what the robot is configured for.
+    ``look_ahead_m`` and ``corner_m``. None of them exceeds the robot's configured limits.
     `yahboomd moves` has to run.
     """
 
     @abstractmethod
     def moves(self, *moves: Move, uncertain_m: float | None = None) -> MoveRun:
-        """Moves in a row, to be entered: ``async with robot.moves(...) as run:``."""
+        """Several moves, to be entered: ``async with robot.moves(...) as run:``."""
 
     async def straight(
         self, /, distance_m: float, *, left_m: float = 0.0, **limits: float
@@ -35,7 +35,7 @@ class RobotMoves(ABC):
 
         Raises:
             MoveEnded: It ended before its goal.
-            Refused: It is not driven; the message says why.
+            Refused: It is not driven; the message has the reason.
             NoDaemon: No `yahboomd moves` answers.
         """
         move = Move(

@@ -1,9 +1,9 @@
 """Receives samples: all, over a bounded buffer that keeps the newest, or the newest alone.
 
-The daemon decides the encoding, JSON or MessagePack; a client reads either, by the first byte. A
-payload that it cannot read is a value, not an error: another program sent it. Another version of
-yahboomd can be read: fields, words and shapes of values that this one does not know are ignored,
-and a state or a severity that it does not know is kept as text.
+The daemon chooses the encoding, JSON or MessagePack; a client recognises it by the first byte. An
+unreadable payload raises nothing, since another program sent it. Samples of other versions of
+yahboomd can be read: unknown fields, words and shapes of values are ignored, and an unknown state
+or severity is kept as text.
 """
 
 from __future__ import annotations
@@ -53,10 +53,10 @@ _FOR_PEOPLE: dict[type[msgspec.Struct], str] = {
 
 
 def read_sample(payload: bytes, message: type[Message]) -> Message | None:
-    """A sample as the message that its key carries; None where the bytes are no such message.
+    """Decode a sample of a key's message; None if the bytes are not one.
 
     Args:
-        payload: What arrived.
+        payload: The bytes that arrived.
         message: The message's type, such as ``PoseSample``. Unknown fields are ignored.
     """
     encoding = encoding_of(payload)
@@ -84,7 +84,7 @@ def _decoder(json: bool, message: type[msgspec.Struct]) -> Callable[[bytes], msg
 
 
 def reason(status: StatusSample) -> str:
-    """Why a robot may not drive, in a sentence; with the state, where this version knows none."""
+    """Why a robot may not drive, in a sentence, which names a state that is unknown here."""
     if status.state in STATES:
         return status.why
     state = pasteable(plain(status.state))
@@ -101,7 +101,7 @@ _GROUPS: dict[type[msgspec.Struct], dict[str, int]] = {
 def _without_unknown(
     payload: bytes, json: bool, message: type[msgspec.Struct]
 ) -> msgspec.Struct | None:
-    """The sample without facts whose shape this version does not know; None where it is none."""
+    """Decode a sample without facts of an unknown shape; None if it is not such a message."""
     if message not in _GROUPS:
         return None
     try:
@@ -140,7 +140,7 @@ KEYS: dict[type[msgspec.Struct], str] = {
 """The key of each message that a daemon publishes."""
 
 EVENTS = 64
-"""Events kept for a slow reader. Of everything else it gets the newest: queued poses grow old."""
+"""Events kept for a slow reader. Of other samples it gets the newest: queued poses grow old."""
 
 MOTION = frozenset({PoseSample, TwistSample, WheelsSample, ImuSample})
 """Messages that come many times a second, and that control loops read."""
@@ -160,7 +160,7 @@ def key_of(message: type[msgspec.Struct]) -> str:
 
 
 def depth_of(message: type[msgspec.Struct], depth: int | None) -> int:
-    """The samples kept for a slow reader: as it wants, or 1; of events some.
+    """The number of samples kept for a slow reader: ``depth``, else 1, of events :data:`EVENTS`.
 
     Raises:
         ValueError: ``depth`` is below 1.
@@ -175,8 +175,8 @@ def depth_of(message: type[msgspec.Struct], depth: int | None) -> int:
 class Newest:
     """The newest payload of a key, for a reader that looks less often than samples come.
 
-    Nothing of Python runs when one comes: at fifty a second on three keys, what a subscription
-    hands over one by one costs more than drawing a screen.
+    No Python code runs when one comes: at fifty samples a second on three keys, a callback for each
+    would cost more than drawing a screen.
 
     Args:
         bus: An open session.
@@ -187,7 +187,7 @@ class Newest:
         self._ring = bus.session.declare_subscriber(bus.key(key), RingChannel(1))
 
     def take(self) -> bytes | None:
-        """The newest payload; None where none came since the last call."""
+        """The newest payload; None if none came since the last call."""
         sample = self._ring.try_recv()
         return None if sample is None else sample.payload.to_bytes()
 
@@ -240,7 +240,7 @@ class Samples(Generic[Message]):
 
     Attributes:
         dropped: Samples that the reader or this process was too slow for.
-        unreadable: Payloads that were no such message.
+        unreadable: Payloads that could not be decoded.
     """
 
     def __init__(
@@ -260,7 +260,7 @@ class Samples(Generic[Message]):
         self._end = end
 
     def receive(self, arrivals: list[Arrival]) -> None:
-        """Keep what arrived; called on the loop."""
+        """Queue the arrived samples; called on the loop."""
         for arrival in arrivals:
             self.dropped += arrival.dropped
             sample = read_sample(arrival.payload, self._message)
@@ -272,7 +272,7 @@ class Samples(Generic[Message]):
         self._came.set()
 
     def close(self) -> None:
-        """End it; what is kept can still be read."""
+        """End it; samples that are already queued can still be read."""
         self._open = False
         self._came.set()
         end, self._end = self._end, None
