@@ -82,7 +82,7 @@ def test_a_file_that_was_cut_short_beside_it_is_no_harm(tmp_path):
 
 
 def test_where_the_disk_does_not_take_it_the_board_is_left_alone():
-    with pytest.raises(Refused, match="The board is left as it is"):
+    with pytest.raises(Refused, match="The board was not changed"):
         save(Path("/proc/nowhere/board.json"), FIRST)
 
 

@@ -27,7 +27,7 @@ def found(left: float, right: float, waited_s: float = 0.5, *, ramped: bool = Fa
         ((0.2, 0.2), ""),
         ((0.1, -0.015), ""),
         ((0.1, -0.03), "right (M3) turned against its command; the motors were cut."),
-        ((0.2, 0.5), "right (M3) ran at 1.00 m/s where 0.40 was commanded; the motors were cut."),
+        ((0.2, 0.5), "right (M3) ran at 1.00 m/s instead of 0.40 m/s; the motors were cut."),
         ((0.0, 0.11), ""),
         ((0.0, 0.13), "left (M1) stood while another wheel turned; the motors were cut."),
     ],

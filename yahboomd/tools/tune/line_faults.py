@@ -1,4 +1,4 @@
-"""Errors of a line that damages bytes: what was seen of the wheels over it proves nothing."""
+"""Errors of a line that damages bytes: readings over it prove nothing about the wheels."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from yahboomd.core.protocol.dialect import Dialect
 
 
 class LineFault(BoardError):
-    """The line damages too much of what it carries."""
+    """The line damages too many bytes to measure."""
 
     @classmethod
     def of(cls, line: Line) -> Self:
-        """The error of a line over which nothing can be measured."""
+        """Make the error for a line."""
         return cls(
             f"{line.port.name}: the line to the board loses or alters bytes in too many steps: "
             "nothing is measured, and the motors were cut.",
@@ -27,7 +27,7 @@ class LineFault(BoardError):
 
 @contextlib.asynccontextmanager
 async def line_blamed(line: Line, dialect: Dialect) -> AsyncIterator[None]:
-    """Turn an error of the body into one of the line, where the line damages bytes.
+    """Turn an error of the body into one of the line if the line damages bytes.
 
     Raises:
         BoardError: The line is to blame.
@@ -35,7 +35,7 @@ async def line_blamed(line: Line, dialect: Dialect) -> AsyncIterator[None]:
     try:
         yield
     except (BoardError, BoardSilent) as error:
-        # Meanwhile the line shows what it damages.
+        # Time for damage on the line to show.
         await line.rest(dialect)
         if not line.noisy or isinstance(error, LineFault):
             raise

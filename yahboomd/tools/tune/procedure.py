@@ -1,4 +1,4 @@
-"""Measure, suggest, store, measure again: the course of a tuning, without terminal and pictures."""
+"""The steps of a tuning, without terminal and pictures: measure, suggest, store, measure again."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ T = TypeVar("T")
 
 HOLD_S = 1.5
 REPEATS = 2
-"""Of each step, forward and as often backward."""
+"""Repetitions of each step, in each direction."""
 
 SPARE_STEPS = 8
-"""Steps that are measured again, since their readings came late."""
+"""The most steps that are repeated because readings came late or damaged."""
 
 ROUNDS = 3
 """The most sets of gains that are tried."""
@@ -51,13 +51,13 @@ UNSEEN = 0.6
 """The least time constant of a closed loop, in times between two readings of the counts."""
 
 TRUSTED = 0.06
-"""A model that leaves so much of a step unexplained suggests nothing."""
+"""A model that leaves more than this share of a step unexplained suggests no gains."""
 
 TRIAL = Gains(0.2, 0.02, 0.0)
 SOFTER = 0.2
 HARDER = 5.0
 FOLLOWS = 0.3
-"""A wheel that comes to less of a step by its end shows too little of its motor."""
+"""A wheel that reaches less than this share of a step shows too little of its motor."""
 
 DEAD_ZONE_OFF_SHARE = 0.012
 NEAR_LEAST = 40
@@ -72,17 +72,17 @@ FASTEST_M_S = 1.5
 
 
 Agree = Callable[[BoardSettings, Dialect], Awaitable[bool]]
-"""Announces values that are about to be written; whether the person agrees."""
+"""Announces the values to be written; returns whether the person agrees."""
 
 Save = Callable[[Dialect, BoardSettings], None]
-"""Keeps what the board stored on disk, before the first write."""
+"""Saves the board's settings to disk, before the first write."""
 
 
 class Procedure:
     """One tuning.
 
     Args:
-        speed_m_s: Of the steps; lowered where the board or the wheels cannot turn so fast.
+        speed_m_s: The speed of the steps; lowered if the board or the wheels are slower.
 
     Attributes:
         restored: The tuning ended early, and the board has its own values again.
@@ -112,8 +112,8 @@ class Procedure:
         """Check each wheel, find its dead zone, and measure the steps of the stored gains.
 
         Args:
-            ready: Called before a wheel turns, where the board stores gains; raises where what it
-                stores now could not be kept.
+            ready: Called before a wheel turns if the board stores gains; raises if they could not
+                be saved.
 
         Raises:
             BoardError: A wheel touches the ground, or does not do as it is commanded.
@@ -137,8 +137,8 @@ class Procedure:
                 await self._ramps(stand)
             else:
                 result.notes.append(
-                    "This board drives no motor without regulation: no dead zone is measured, and "
-                    "nothing but you sees whether the wheels are in the air."
+                    "This board cannot drive a motor without regulation: no dead zone is measured, "
+                    "and only you can see whether the wheels are in the air."
                 )
             figures = await self._measure(stand, "before")
             for wheel, each in zip(result.wheels, figures, strict=True):
@@ -218,10 +218,10 @@ class Procedure:
     async def _repeated(
         self, stand: Stand, measure: Callable[[], Awaitable[T]], *, chances: int = 0
     ) -> T:
-        """Measure, and once more where the line may have caused the fault of a wheel.
+        """Measure, and repeat it if the line may have caused the fault of a wheel.
 
         Args:
-            chances: How often on a line that shows no damage, too: a garbled command shows nowhere.
+            chances: The repetitions without visible damage: a garbled command leaves no trace.
         """
         excused = -chances
         while True:
@@ -233,10 +233,10 @@ class Procedure:
                 excused += 1
                 self._say(f"{fault.message} The line may have damaged a command: once more")
 
-    # What is suggested.
+    # Suggesting.
 
     def _suggest(self, least_lambda_s: float = 0.0) -> None:
-        """Fit the motors to all steps so far, and suggest gains, or trial ones where none fits."""
+        """Fit the motors to all measured steps; suggest gains, or trial ones without a good fit."""
         result, dialect = self.result, self._dialect
         assert dialect is not None
         tick_s = dialect.loop_ns / 1e9
@@ -246,7 +246,7 @@ class Procedure:
         for wheel, steps in zip(result.wheels, self._steps, strict=True):
             found = loop_model.fit(steps, tick_s=tick_s, fastest=fastest)
             if found[1] > TRUSTED:
-                # Gains that made it chatter explain nothing; the latest ones may.
+                # Steps with gains that made it chatter explain nothing; the latest may.
                 found = loop_model.fit(steps[-1:], tick_s=tick_s, fastest=fastest)
             wheel.model, wheel.unexplained = found
             models.append(found[0])
@@ -271,7 +271,7 @@ class Procedure:
                 target,
                 tick_s=tick_s,
                 count=self._count,
-                # What lies between two readings of the counts is not seen.
+                # Readings do not show motion between them.
                 least_lambda_s=max(least_lambda_s, UNSEEN * TICK_S * self._steps[0][0].apart),
             )
             gains = result.expected.gains
@@ -279,7 +279,7 @@ class Procedure:
         result.suggested = wanted
 
     def _trial(self) -> tuple[float, float, float]:
-        """Gains that show the motors where those before explain nothing."""
+        """Gains to measure the motors with, after steps that explained nothing."""
         last = self._steps[0][-1].gains
         if not self._follows:
             return max(TRIAL.p, HARDER * last.p), max(TRIAL.i, HARDER * last.i), 0.0
@@ -293,26 +293,26 @@ class Procedure:
             for steps in self._steps
         )
 
-    # What is stored.
+    # Storing.
 
     async def store(self, agree: Agree, save: Save) -> bool:
-        """Store what is suggested, measure it, and again where it is not good enough.
+        """Store the suggestion and measure it; suggest again if it is not good enough.
 
-        If the last one is no better than what the board had, that is stored again, and also if
-        it ends early while it has the port.
+        The best measured values are stored at the end. The board's own values are restored if none
+        is better, and also if the tuning ends early while it has the port.
 
         Returns:
             Whether the board stores better values now.
 
         Raises:
-            BoardError: As :meth:`examine`, and where the board does not store them.
+            BoardError: As :meth:`examine`, and if the board does not store the values.
         """
         result = self.result
         assert self._dialect is not None
         if not await agree(result.suggested, self._dialect):
             result.notes.append("Nothing was stored.")
             return False
-        # All of it: where power fails within a write, the board may lose the rest too.
+        # Save all settings: if power fails within a write, the board may lose the others too.
         save(self._dialect, self._stored)
         before = [wheel.before for wheel in result.wheels]
         best = (rank_of(before, trial=False), result.stored_before, before)
@@ -345,7 +345,7 @@ class Procedure:
         return True
 
     async def _restore(self) -> None:
-        """Store what the board had; an error of that is less than what ended the tuning."""
+        """Restore the board's own values; errors are suppressed in favour of the tuning's error."""
         with contextlib.suppress(YahboomdError):
             await self._write(self.result.stored_before)
             self.restored = True
@@ -384,5 +384,5 @@ def storing_failed(what: str, answer: str) -> Exception:
     """The error of a value that the board does not store."""
     return BoardError(
         f"The board does not store {what}{answer}.",
-        remedy="`yahboomd tune --undo` stores again what it had.",
+        remedy="`yahboomd tune --undo` restores its own values.",
     )

@@ -1,7 +1,7 @@
-"""What a board stored before a tuning wrote to it: a file that is there before the first write.
+"""The file with a board's settings from before a tuning; it exists before the first write.
 
-The file is written whole or not at all, and is on the disk before the board is changed. A tuning
-that was killed leaves it unfinished: then the next one keeps it, since the board has trial values.
+The file is written atomically, and is on the disk before the board is changed. A tuning that was
+killed leaves it unfinished: then the next one keeps it, since the board has trial values.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ class SavedSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
 
     Attributes:
         made: The date and time, UTC.
-        port: Of the board, as it was named or found.
-        finished: The tuning came to its end.
+        port: The board's port, as it was named or found.
+        finished: The tuning ran to its end.
     """
 
     made: str
@@ -48,7 +48,7 @@ def saved_path(config: Config, environ: Mapping[str, str], file: Path | None) ->
     beside = calibration_path(config, environ, file, user_id=os.getuid())
     if beside is None:
         raise ConfigError(
-            "There is no folder for what the board stores now, so nothing is written to it.",
+            "There is no folder to save the board's settings in, so the board is not changed.",
             remedy="Set STATE_DIRECTORY, or HOME.",
         )
     name, port = NAME, quote(config.serial.port, safe="")
@@ -60,7 +60,7 @@ def saved_path(config: Config, environ: Mapping[str, str], file: Path | None) ->
 
 
 def read_saved(path: Path) -> SavedSettings | None:
-    """The saved settings; None where there are none.
+    """The saved settings; None if there are none.
 
     Raises:
         Refused: The file cannot be used.
@@ -80,13 +80,13 @@ def read_saved(path: Path) -> SavedSettings | None:
 
 
 def save(path: Path, found: SavedSettings) -> SavedSettings:
-    """Have it on the disk, unless a tuning that was killed left what the board had before that.
+    """Write the file, unless one of a killed tuning is there: that has the board's own values.
 
     Returns:
-        What is saved now.
+        The settings in the file.
 
     Raises:
-        Refused: The disk does not take it: the board must not be changed.
+        Refused: It cannot be written: the board must not be changed.
     """
     before = read_saved(path)
     if before is not None and not before.finished and before.dialect == found.dialect:
@@ -96,7 +96,7 @@ def save(path: Path, found: SavedSettings) -> SavedSettings:
 
 
 def check_place(path: Path, port: str) -> None:
-    """Check that :func:`save` will work there, by writing a file beside it that does not stay.
+    """Check that :func:`save` will work, by writing a temporary file beside the path.
 
     Raises:
         Refused: It will not.
@@ -106,16 +106,16 @@ def check_place(path: Path, port: str) -> None:
 
 
 def finish(path: Path, saved: SavedSettings) -> None:
-    """Note that the tuning came to its end: the next one saves what the board has then.
+    """Mark the tuning as finished, so that the next one saves the board's values again.
 
     Raises:
-        Refused: The disk does not take it.
+        Refused: It cannot be written.
     """
     _write(path, msgspec.structs.replace(saved, finished=True))
 
 
 def remove(path: Path) -> None:
-    """Remove the file, and have the disk forget it."""
+    """Remove the file, and sync the folder."""
     path.unlink(missing_ok=True)
     _sync(path.parent)
 
@@ -130,7 +130,7 @@ def _write(path: Path, saved: SavedSettings, *, stays: bool = True) -> None:
     beside = path.with_name(f".{path.name}.new")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        # Root follows no link that another user of this folder made.
+        # As root, follow no link that another user of this folder made.
         beside.unlink(missing_ok=True)
         fd = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
         with open(fd, "wb") as file:
@@ -144,7 +144,7 @@ def _write(path: Path, saved: SavedSettings, *, stays: bool = True) -> None:
             beside.unlink()
     except OSError as error:
         raise Refused(
-            f"{path} cannot be written: {error.strerror}. The board is left as it is.",
+            f"{path} cannot be written: {error.strerror}. The board was not changed.",
             remedy="Run the same command with sudo, or set STATE_DIRECTORY.",
         ) from error
 

@@ -1,10 +1,9 @@
-"""Wheels that turn in the air for a measurement, watched at each reading.
+"""Wheels that turn in the air for a measurement, checked at each reading.
 
-The law: no wheel turns without a check of each reading, a bound in time, and a second process that
-stops it if this one dies (:mod:`yahboomd.tools.port.guard`). One that turns against its command,
-faster than commanded, or not at all, ends the measurement with its motors cut. Lines have no
-checksum, so that a reading alone accuses no wheel: of each wheel the middle one of the latest three
-counts.
+Wheels turn only while each reading is checked, for a bounded time, with a second process that stops
+them if this one dies (:mod:`yahboomd.tools.port.guard`). A wheel that turns against its command,
+faster than commanded, or not at all, ends the measurement with the motors cut. Lines have no
+checksum, so a single reading proves no fault: checks use the median of the latest three.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ from yahboomd.tools.tune.wheel_faults import WheelFault
 
 LOOK_NS = 10_000_000
 HELD_UP_NS = 100_000_000
-"""A look that comes later than this was held up."""
+"""A check that comes later than this was delayed."""
 
 BEAT_NS = 200_000_000
 POLL_NS = 20_000_000
@@ -42,13 +41,13 @@ POLL_TIMEOUT_NS = 100_000_000
 SILENT_NS = 800_000_000
 STAND_WITHIN_S = 3.0
 STILL_TICKS_PER_S = 20.0
-"""A count more or less in the window of a standstill; what rolls out would count as motion."""
+"""One count more or less in the window of a standstill. Less would count wheels that roll out."""
 
 CUTS = 3
 
 RAMP_UNITS_PER_S = 800.0
 RAMP_TURNS = 0.15
-"""A ramp ends when the wheel has turned so far."""
+"""A ramp ends when the wheel has turned this far."""
 
 Ramp = list[tuple[int, int]]
 
@@ -57,8 +56,8 @@ class Stand:
     """A known board whose wheels are in the air.
 
     Attributes:
-        settings: What it stores; None where it stores nothing.
-        volts: The supply; None where the board does not report it.
+        settings: The stored settings; None if the board stores none.
+        volts: The supply; None if the board does not report it.
 
     Args:
         guard: Stops the wheels if this process dies or the port goes away.
@@ -100,15 +99,15 @@ class Stand:
         config: Config,
         say: Callable[[str], None] = lambda _words: None,
     ) -> AsyncIterator[Self]:
-        """Stop the wheels, find out what board is there, and have it send its counters.
+        """Stop the wheels, identify the board, and start its counters.
 
         Args:
-            say: Shows a person what to do.
+            say: Shows a message to a person.
 
         Raises:
             LostInMotion: The port went away while wheels turned.
-            BoardError: Its stored settings forbid motion, or the line damages what it carries.
-            LinkError: The port cannot be had, or no board answers.
+            BoardError: Its stored settings forbid motion, or the line damages bytes.
+            LinkError: The port cannot be opened, or no board answers.
         """
         port = await opener()
         line = Line(port, clock)
@@ -149,12 +148,12 @@ class Stand:
 
     @property
     def top_m_s(self) -> float:
-        """The fastest that every wheel can be commanded."""
+        """The fastest command that every wheel can follow."""
         return min(self._motion.wheel_limits)
 
     @property
     def ticks_apart_s(self) -> float:
-        """From one renewal of the counts to the next."""
+        """The time from one renewal of the counts to the next."""
         return (self.dialect.sample_period_ns or POLL_NS) / NS_PER_S
 
     def units(self, speed_m_s: float) -> float:
@@ -163,12 +162,12 @@ class Stand:
 
     @property
     def damages(self) -> int:
-        """The chunks that came damaged lately."""
+        """The number of chunks that arrived damaged lately."""
         return self._line.damages
 
     @property
     def noisy(self) -> bool:
-        """Whether the line damages so much that what is measured over it is wrong."""
+        """Whether the line damages too many bytes to measure."""
         return self._line.noisy
 
     def line_fault(self) -> LineFault:
@@ -176,13 +175,13 @@ class Stand:
         return LineFault.of(self._line)
 
     async def ramp(self, motor: Motor, way: int) -> Ramp:
-        """Raise one motor's output slowly until it has turned; every other one is off.
+        """Raise one motor's output slowly until it has turned; the others stay off.
 
         Args:
             way: +1 forward, -1 backward.
 
         Returns:
-            The output and what the motor had counted by then, in the order of time.
+            Each output with the motor's count by then, in the order of time.
 
         Raises:
             WheelFault: Another wheel turned too, or it turned the wrong way, or not at all.
@@ -239,7 +238,7 @@ class Stand:
             self._samples = []
             start_ns = self._clock.now_ns() + len(frame) * self._line.port.byte_ns
             self._line.writer.velocity(frame)
-            # The last reading has to be later than the last tick of the grid.
+            # The last reading must be later than the last tick of the grid.
             await self._look(nanoseconds(hold_s + 2.0 * self.ticks_apart_s))
             samples = self._samples.copy()
         return traces_of(
@@ -255,10 +254,10 @@ class Stand:
     async def excuses(self, times: int) -> bool:
         """Whether the line, not a wheel, may have caused another fault; the wheels stand then.
 
-        Each damage that was seen lately excuses one: chance does not repeat itself.
+        Each recently damaged chunk excuses one fault: chance does not repeat itself.
 
         Args:
-            times: The faults that were excused already; below 0 where some need no damage.
+            times: The number of faults already excused; below 0 excuses some without damage.
 
         Raises:
             BoardError: A wheel does not stop.
@@ -273,7 +272,7 @@ class Stand:
 
     @contextlib.asynccontextmanager
     async def _driven(self, expected: tuple[float, ...] | None) -> AsyncIterator[None]:
-        """Watch wheels that turn, cut them in the end, and see them stand unless it failed.
+        """Check wheels that turn, cut them at the end, and wait for them to stand unless it failed.
 
         Args:
             expected: The speed of each motor; None while one is driven without regulation.
@@ -295,7 +294,7 @@ class Stand:
         self._guard.mark(driven)
 
     async def _look(self, ns: int) -> None:
-        """Wait, with a look every 10 ms at whether all is as it should be."""
+        """Wait, and check every 10 ms for faults, resets and silence."""
         end_ns = self._clock.now_ns() + ns
         beat_ns = 0
         while True:
@@ -352,7 +351,7 @@ class Stand:
         self._line.writer.stop((self.dialect.cut or self.dialect.brake,) * CUTS)
 
     async def _stand(self) -> Counts:
-        """Wait until every wheel stands; the counters then."""
+        """Wait until every wheel stands; return the counters then."""
         line, clock = self._line, self._clock
         line.watch.reset()
         end_ns = clock.now_ns() + nanoseconds(STAND_WITHIN_S)
@@ -370,7 +369,7 @@ class Stand:
                 self._cut()
                 again_ns = now_ns + nanoseconds(0.1)
             await sleep_until(clock, now_ns + LOOK_NS)
-            # A time in which this process did not run shows no wheel that turns.
+            # While this process does not run, it cannot see wheels stop: extend the deadline.
             end_ns += max(0, clock.now_ns() - now_ns - HELD_UP_NS)
         assert line.ticks is not None
         return line.ticks

@@ -11,7 +11,7 @@ from yahboomd.tools.tune.traces import TICK_S
 from yahboomd.tools.tune.tuning_result import Result, WheelTuning
 
 BEFORE, AFTER = "#d55e00", "#0072b2"
-"""Okabe and Ito's, which those who see few colours can tell apart."""
+"""Colours of Okabe and Ito, which people with colour blindness can tell apart."""
 
 COLUMNS = 2
 
@@ -29,7 +29,7 @@ def save_picture(result: Result, path: Path) -> None:
         draw(result).savefig(path, dpi=120)
     except (OSError, ValueError) as error:
         if path.is_file():
-            # Half a picture.
+            # Leave no partial picture.
             path.unlink()
         raise Refused(f"{path} cannot be written: {error}") from error
 

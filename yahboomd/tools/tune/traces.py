@@ -1,4 +1,4 @@
-"""A step of all wheels as traces on one grid, from the readings that came meanwhile. Pure."""
+"""A step of all wheels as traces on one grid, from its readings. Pure."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TICK_S = 0.01
 """Grid of the traces."""
 
 HELD_UP_NS = 70_000_000
-"""Longer than between any two readings of a line that nothing holds up."""
+"""Longer than the time between any two readings of an undisturbed line."""
 
 Readings = Sequence[tuple[int, Counts]]
 """Counts, with the nanoseconds since the command."""
@@ -30,7 +30,7 @@ class Traces(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         speed_m_s: The commanded speed; negative backward.
         travel_m: Travel of each motor on the grid of :data:`TICK_S`, positive along the command.
-        whole: No readings were held up on the way.
+        whole: No readings were delayed during the step.
     """
 
     speed_m_s: float
@@ -40,15 +40,15 @@ class Traces(msgspec.Struct, frozen=True, kw_only=True):
 
 GARBLED_M = 0.003
 GARBLED_SHARE = 0.3
-"""Of the commanded travel between two readings: one that lies so far from the line between its
-neighbours, and by 3 mm, is not of wheels that their motors move, but has an altered digit."""
+"""Share of the commanded travel between two readings. A reading farther than this, and than 3 mm,
+from the line between its neighbours has an altered digit: no motor moves a wheel like that."""
 
 
 ODD_SHARE = 0.05
 """Repeated steps end nearer to each other than this share of their travel."""
 
 ODD_M = 0.01
-"""The least travel that a share is taken of: a wheel with soft gains may stand."""
+"""The least travel to take the share of: a wheel with soft gains may stand."""
 
 
 def traces_of(
@@ -65,7 +65,7 @@ def traces_of(
 
     Args:
         first: The counts from which every wheel began.
-        apart_s: From one renewal of the counts to the next.
+        apart_s: The time from one renewal of the counts to the next.
         hold_s: How long the speed was commanded.
     """
     way = 1 if speed_m_s > 0.0 else -1
@@ -92,7 +92,7 @@ def traces_of(
 
 
 def odd_one(steps: Sequence[Traces]) -> Traces | None:
-    """The step that ends elsewhere than the others: the line lost or altered its command."""
+    """The step that ends at another place than the others: the line lost or altered its command."""
     motors = zip(*(step.travel_m for step in steps), strict=True)
     usual_m: list[float] = [median(travel[-1] for travel in each) for each in motors]
 
@@ -107,7 +107,7 @@ def odd_one(steps: Sequence[Traces]) -> Traces | None:
 
 
 def _new(readings: Readings) -> Readings:
-    """Those since the command whose counts differ from the ones before."""
+    """The readings since the command that differ from the one before."""
     return [
         (at_ns, ticks)
         for index, (at_ns, ticks) in enumerate(readings)
@@ -118,7 +118,7 @@ def _new(readings: Readings) -> Readings:
 def _times(
     dialect: Dialect, motors: Sequence[Motor], new: Readings, apart_s: float
 ) -> tuple[list[float], list[Counts]]:
-    """When counts were taken, since the command, and those counts."""
+    """The times of the readings since the command, and their counts."""
     times_s = [seconds(at_ns) for at_ns, _ in new]
     if dialect.sample_period_ns is not None and not dialect.renews_with_each_line:
         times_s = step_response.tick_times(times_s, apart_s)
@@ -137,10 +137,10 @@ def _times(
 
 
 def _without_garbled(motors: Sequence[Motor], readings: Readings, speed_m_s: float) -> Readings:
-    """Readings less those with an altered digit, which no checksum shows.
+    """The readings without those with an altered digit, which no checksum shows.
 
-    The readings beside such a one lie off the line between their neighbours as well, but by half as
-    much.
+    The readings next to an altered one are off the line between their neighbours, too, but only
+    half as far.
     """
     inner = zip(readings[:-2], readings[1:-1], readings[2:], strict=True)
     off_m = [0.0, *(_off_m(motors, *three, speed_m_s) for three in inner), 0.0]
@@ -158,7 +158,7 @@ def _off_m(
     after: tuple[int, Counts],
     speed_m_s: float,
 ) -> float:
-    """How far some wheel is from the line between the neighbours; 0 where motors may do that."""
+    """The largest distance of a wheel from the line between neighbours; 0 if motors can do that."""
     (start_ns, first), (at_ns, counts), (end_ns, last) = before, reading, after
     if not 0 < end_ns - start_ns < HELD_UP_NS:
         return 0.0

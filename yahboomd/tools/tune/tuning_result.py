@@ -1,4 +1,4 @@
-"""The outcome of a tuning, and what of it is better than what was before. Pure."""
+"""The outcome of a tuning, and whether it is better than the state before. Pure."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ GAINS, DEAD_ZONE = "pid", "deadzone"
 
 OVERSHOOT = 0.05
 BETTER = 0.9
-"""Gains that settle within this share of the time before are worth a write."""
+"""Gains must settle within this share of the old settling time to be worth a write."""
 
 
 class WheelTuning(msgspec.Struct, kw_only=True):
     """The findings on one wheel.
 
     Attributes:
-        position: Of its motor, 1 to 4.
-        turning_output: The output at which it begins to turn, forward and backward; None where the
-            board drives no motor without regulation.
-        before: The figures of its step with the gains that the board stored.
-        after: With those that it stores now; None where none were stored.
-        model: The motor as the loop sees it; None where no model explains the steps.
-        unexplained: The share of the steps that the model leaves.
+        position: The plug of its motor, 1 to 4.
+        turning_output: The output at which it begins to turn, forward and backward; None if the
+            board cannot drive a motor without regulation.
+        before: The figures of its step with the gains from before.
+        after: The figures with the newly stored gains; None if none were stored.
+        model: The fitted motor; None without a fit.
+        unexplained: The share of the steps that the model does not explain.
     """
 
     name: str
@@ -49,11 +49,11 @@ class Result(msgspec.Struct, kw_only=True):
         speed_m_s: The step.
         stored_before: Gains and dead zone that the board stored.
         stored_now: Those that it stores now.
-        suggested: Those that are suggested; empty where none are.
-        expected: The suggestion with what the models say of it.
+        suggested: The suggested ones; empty if there are none.
+        expected: The suggestion with its predicted behaviour.
         writes: Values written to the board's flash.
-        resets: Restarts of the board that these cost.
-        traces: Before and after: for each wheel its speeds by tick, in m/s; for pictures.
+        resets: Restarts of the board for these writes.
+        traces: The speeds of each wheel by tick, in m/s, before and after; for pictures.
     """
 
     port: str = ""
@@ -84,7 +84,7 @@ class Result(msgspec.Struct, kw_only=True):
 
 
 def _worst(found: Sequence[StepFigures | None]) -> tuple[float, float | None]:
-    """The largest overshoot and the longest settling; None where one does not settle."""
+    """The largest overshoot and the longest settling; None if one does not settle."""
     known = [each for each in found if each is not None]
     settled = [each.settling_s for each in known]
     longest = None if None in settled else max(each for each in settled if each is not None)
@@ -92,9 +92,9 @@ def _worst(found: Sequence[StepFigures | None]) -> tuple[float, float | None]:
 
 
 def rank_of(found: Sequence[StepFigures | None], *, trial: bool) -> tuple[bool, bool, float]:
-    """Less is better: whether it overshoots or never settles, then trial gains, then its time.
+    """A sort key, the best first: no overshoot and settled, then not trial gains, then the time.
 
-    Trial gains are there to show the motors: suggested ones come before them.
+    Trial gains only serve to measure the motors, so suggested ones rank before them.
     """
     overshoot, settling_s = _worst(found)
     bad = overshoot > OVERSHOOT or settling_s is None
@@ -102,5 +102,5 @@ def rank_of(found: Sequence[StepFigures | None], *, trial: bool) -> tuple[bool, 
 
 
 def tuned_of(settings: BoardSettings) -> BoardSettings:
-    """Those of the settings that are tuned."""
+    """The settings that a tuning changes."""
     return {field: settings[field] for field in (GAINS, DEAD_ZONE) if field in settings}

@@ -1,7 +1,7 @@
-"""``yahboomd tune --undo``: the board stores again what it had before a tuning.
+"""``yahboomd tune --undo``: restores the board's settings from before a tuning.
 
-That is what a tuning writes, and what else the board has lost: a loss of power within a write may
-take along everything that it stores.
+It restores the values that a tuning writes, and others that the board has lost: if power fails
+within a write, the board may lose all its settings.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from yahboomd.tools.tune.tuning_result import DEAD_ZONE, GAINS
 
 
 async def undo(opener: Opener, clock: Clock, place: Path, *, as_json: bool) -> int:
-    """Store what was saved and is tuned, or lost; then the file is removed.
+    """Store the saved values that were tuned or lost; then remove the file.
 
     Raises:
         Refused: Nothing is saved, or it is not this board's.
@@ -36,8 +36,7 @@ async def undo(opener: Opener, clock: Clock, place: Path, *, as_json: bool) -> i
     if saved is None:
         others = ", ".join(sorted(each.name for each in place.parent.glob(f"{NAME}*.json")))
         raise Refused(
-            f"{place} is not there: no tuning has written to this board, or it was taken back "
-            "already.",
+            f"{place} is not there: no tuning has written to this board, or it was undone already.",
             remedy=f"Name the port or the namespace of the tuning; there are {others}."
             if others
             else "",
@@ -82,6 +81,6 @@ class _Checked(Progress):
     ) -> None:
         if dialect.name != self._saved.dialect:
             raise Refused(
-                f"What was saved is of a {self._saved.dialect} board at {self._saved.port}, and "
-                f"this is a {dialect.name} board: nothing was stored."
+                f"The saved settings are those of a {self._saved.dialect} board at "
+                f"{self._saved.port}, and this is a {dialect.name} board: nothing was stored."
             )

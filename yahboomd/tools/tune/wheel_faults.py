@@ -1,4 +1,4 @@
-"""What a wheel in the air does that it should not, by the counts since its command. Pure."""
+"""Detects misbehaving wheels in the air, from the counts since their command. Pure."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ TOO_FAST_M_S = 0.15
 SLACK_S = 0.05
 
 MOVES_WITHIN_S = 1.2
-"""Where no ramp has shown before that the wheel turns and counts."""
+"""The time to the first motion, unless a ramp has shown before that the wheel turns and counts."""
 
 STANDS_COUNTS = 2
 STANDS_WHILE_S = 0.3
-"""A wheel stands where another one has gone as far as at the commanded speed in this time."""
+"""A wheel that stands is at fault once another one has moved as far as it should in this time."""
 
 TOUCHED_COUNTS = 12
-"""Another wheel that turns so far with a single driven one touches the ground, or is coupled."""
+"""A wheel that turns this far while another one is driven touches the ground, or is coupled."""
 
 
 class WheelFault(BoardError):
@@ -36,9 +36,9 @@ def found(
     *,
     ramped: bool,
 ) -> str:
-    """The first wheel that does not follow, in a sentence; empty where all do.
+    """Describe the first wheel that does not follow, in a sentence; empty if all follow.
 
-    Late readings make a wheel look slower here, never faster.
+    Late readings make a wheel look slower, never faster.
 
     Args:
         expected: The commanded speed of each motor, m/s.
@@ -52,7 +52,7 @@ def found(
             what = "turned against its command"
             look = "Its signs, or the wires of its encoder, are wrong."
         elif along_m > (TOO_FAST * abs(wanted) + TOO_FAST_M_S) * (waited_s + SLACK_S):
-            what = f"ran at {along_m / waited_s:.2f} m/s where {abs(wanted):.2f} was commanded"
+            what = f"ran at {along_m / waited_s:.2f} m/s instead of {abs(wanted):.2f} m/s"
             look = "Look at its encoder's cable and at the stored settings."
         elif abs(counts) <= STANDS_COUNTS and farthest_m > STANDS_WHILE_S * abs(wanted):
             what = "stood while another wheel turned"
@@ -67,7 +67,7 @@ def found(
 
 
 def check_alone(motor: Motor, motors: Sequence[Motor], counts: Counts) -> None:
-    """Check that no other wheel turned with the one that was driven.
+    """Check that no other wheel turned with the driven one.
 
     Raises:
         WheelFault: One did.

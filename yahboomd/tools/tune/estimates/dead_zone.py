@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 MOVED_COUNTS = 3
-"""Gears have play, and an encoder may stand on the edge of a count."""
+"""Fewer may be the play of the gears, or an encoder on the edge of a count."""
 
 MARGIN_SHARE = 0.025
-"""Of full output: so much below the least dead zone of any wheel the board should add, since a
-wheel whose dead zone is more than made up for never stands quietly."""
+"""Share of full output by which the board's dead zone should be below the smallest one of a wheel:
+a wheel with an overcompensated dead zone never stands quietly."""
 
 
 def turning_output(ramp: Sequence[tuple[int, int]]) -> int | None:
@@ -19,7 +19,7 @@ def turning_output(ramp: Sequence[tuple[int, int]]) -> int | None:
         ramp: Output and counts since the ramp began, in the order of time.
 
     Returns:
-        The output at the last moment without motion before it went on; None where it never turned.
+        The last output at which it still stood; None if it never turned.
     """
     if not ramp or abs(ramp[-1][1]) < MOVED_COUNTS:
         return None
@@ -29,5 +29,5 @@ def turning_output(ramp: Sequence[tuple[int, int]]) -> int | None:
 
 
 def made_up_for(turning: Sequence[int], most_output: int) -> int:
-    """The dead zone that a board should add to its output, given those of its wheels."""
+    """The dead zone that a board should add to its output, from those of its wheels."""
     return max(0, round(min(turning) - MARGIN_SHARE * most_output))

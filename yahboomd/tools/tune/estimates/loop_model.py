@@ -5,9 +5,9 @@ The law of the loop, with the error e = target - measured, each tick:
     du = P (e - e1) + I e + D (e - 2 e1 + e2)
 
 (the incremental, or velocity, form of PID; Åström and Hägglund, *PID Controllers: Theory, Design
-and Tuning*, 1995, section 3.5). The motor's speed follows A |u| - B with a lag of first order: A is
-what the loop's output makes of speed, B what a dead zone takes away that the board does not make up
-for. Speeds are in the board's own command units.
+and Tuning*, 1995, section 3.5). The motor's speed follows A |u| - B with a first-order lag: A is
+the speed for one unit of output, B the speed lost to a dead zone that the board does not
+compensate. Speeds are in the board's own command units.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ PROBE = 1e-4
 DONE = 1e-6
 
 LATEST_TICKS = 2
-"""A command acts within so many ticks."""
+"""A command acts within this many ticks."""
 
 LEAST_LAG_S, MOST_LAG_S = 0.002, 2.0
 
@@ -63,9 +63,9 @@ class Step(msgspec.Struct, frozen=True, kw_only=True):
     """A measured step from rest.
 
     Attributes:
-        travel: By tick since the command, in units of speed times seconds.
-        apart: Ticks from one reading of the counts to the next; between them travel was drawn as
-            straight lines.
+        travel: Travel at each tick since the command, in units of speed times seconds.
+        apart: Ticks from one reading of the counts to the next; between them travel is
+            interpolated.
     """
 
     gains: Gains
@@ -80,7 +80,7 @@ def run(
     """The travel at 0, 1, 2 ... ticks after a step from rest.
 
     Args:
-        count: Travel of one count, by which the loop measures; 0 for a perfect one.
+        count: The travel of one count, the resolution of the loop's measurement; 0: continuous.
     """
     decay = math.exp(-tick_s / model.lag_s)
     carried = model.lag_s * (1.0 - decay)
@@ -102,17 +102,17 @@ def run(
 
 
 def fit(steps: Sequence[Step], *, tick_s: float, fastest: float) -> tuple[LoopModel, float]:
-    """The motor that explains these steps (Levenberg and Marquardt, from a grid of beginnings).
+    """Fit a motor to steps (Levenberg and Marquardt, from a grid of start values).
 
-    A command acts some milliseconds after it was sent, which differs from step to step: each may be
-    shifted in time.
+    The delay from a command to its effect differs by milliseconds from step to step, so the fit may
+    shift each step in time.
 
     Args:
-        steps: Of one wheel, by one or several sets of gains.
+        steps: Steps of one wheel, by one or several sets of gains.
         fastest: The first guess of the speed at full output.
 
     Returns:
-        The motor, and what is left over: root mean square, as a share of the step.
+        The motor, and the residual: root mean square, as a share of the step.
     """
     measured = [np.array(speeds(step.travel, tick_s)) for step in steps]
 
@@ -142,7 +142,7 @@ def fit(steps: Sequence[Step], *, tick_s: float, fastest: float) -> tuple[LoopMo
 
 
 def _as_read(travel: list[float], apart: int) -> Sequence[float]:
-    """Travel as the mean of straight lines between readings that begin anywhere."""
+    """Travel interpolated between readings, averaged over all phases of the readings."""
     if apart == 1:
         return travel
     kernel = np.convolve(np.ones(apart), np.ones(apart)) / apart**2
@@ -159,9 +159,9 @@ def _model(point: Floats) -> LoopModel:
 
 
 def _shifted(seen: Floats, expected: Floats) -> Floats:
-    """What is left of a difference after the shift in time that makes it least.
+    """The smallest difference over all shifts in time.
 
-    By whole ticks, and within one to first order.
+    Shifts are whole ticks, and fractions of a tick to first order.
     """
     best: Floats = seen - expected
     for ticks in range(LATEST_TICKS + 1):

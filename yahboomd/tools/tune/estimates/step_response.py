@@ -1,7 +1,7 @@
 """A wheel's answer to a step of its speed: travel on a common grid, and the figures of the step.
 
-Speeds are slopes of the travel over :data:`WINDOW` ticks. The counts of repeated steps are averaged
-before: each begins elsewhere between two counts, so that the mean is finer than a count.
+Speeds are slopes of the travel over :data:`WINDOW` ticks. The travel of repeated steps is averaged
+first: each begins at another place between two counts, so the mean is finer than a count.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ WINDOW = 4
 """Ticks of a slope; with ticks of 10 ms one count more or less in it is 1 % of 0.4 m/s."""
 
 END_SHARE = 0.25
-"""The part of a step at its end by which its steady error is judged."""
+"""The last part of a step, whose mean gives the steady error."""
 
 
 class StepFigures(msgspec.Struct, frozen=True, kw_only=True):
     """The figures of a step.
 
     Attributes:
-        rise_s: From a tenth to nine tenths of the step; None where it does not come so far.
-        overshoot: Beyond the step, as a share of it.
-        settling_s: From the command until the speed stays within 5 % of the step; None where it
-            does not.
-        steady_error: Mean of the end less the step, as a share of it.
+        rise_s: The time from a tenth to nine tenths of the step; None if it does not reach them.
+        overshoot: The excess over the step, as a share of it.
+        settling_s: The time from the command until the speed stays within 5 % of the step; None if
+            it does not.
+        steady_error: The mean of the end minus the step, as a share of it.
     """
 
     rise_s: float | None
@@ -43,12 +43,12 @@ class StepFigures(msgspec.Struct, frozen=True, kw_only=True):
 def tick_times(arrivals_s: Sequence[float], tick_s: float) -> list[float]:
     """The ticks at which a board renewed counts that came at these times.
 
-    A line cannot come before its tick, and each tick's counts are new: so arrivals are brought down
+    A line cannot come before its tick, and each tick's counts are new: so arrivals are rounded down
     to a grid, each at least a tick before the next. The grid is the one on which most arrivals are
     one tick apart.
 
     Args:
-        arrivals_s: When counts came that differ from those before; rising.
+        arrivals_s: The times at which changed counts came; rising.
         tick_s: The period at which the board renews them.
     """
     phases = [tick_s * part / 20.0 for part in range(20)]
@@ -69,14 +69,14 @@ def tick_times(arrivals_s: Sequence[float], tick_s: float) -> list[float]:
 
 
 def read_times(arrivals_s: Sequence[float], travel: Sequence[float], tick_s: float) -> list[float]:
-    """The ticks at which a board had read the counts that it reports more seldom, by another clock.
+    """The ticks at which a board read the counts of its reports, which are rarer, by another clock.
 
-    What it reports is up to a tick old, and that age beats: at a steady speed slopes are off by a
-    quarter now and then. The grid of ticks is the one on which the second half of the step is
-    nearest to a straight line.
+    Reported counts are up to a tick old, and their age drifts: at a steady speed some slopes are
+    off by a quarter. The grid of ticks is the one on which the second half of the step is nearest
+    to a straight line.
 
     Args:
-        arrivals_s: When reports left; rising.
+        arrivals_s: The times at which reports left; rising.
         tick_s: The period at which the board reads.
     """
     if not arrivals_s:
@@ -104,11 +104,11 @@ def _centred(values: Sequence[float]) -> list[float]:
 def on_grid(
     times_s: Sequence[float], travel: Sequence[float], *, tick_s: float, ticks: int
 ) -> list[float]:
-    """Travel at 0, 1, 2 ... ticks, by straight lines between what was counted.
+    """Travel at 0, 1, 2 ... ticks, interpolated between the readings.
 
     Args:
-        times_s: When counts were taken, since the command; rising.
-        travel: At those times, since the command.
+        times_s: The times of the readings, since the command; rising.
+        travel: The travel at those times, since the command.
     """
     at = np.arange(ticks + 1) * tick_s
     grid: list[float] = np.interp(at, [0.0, *times_s], [0.0, *travel]).tolist()
@@ -146,7 +146,7 @@ def figures(trace: Sequence[float], target: float, tick_s: float) -> StepFigures
     return StepFigures(
         rise_s=None if tenth is None or nine_tenths is None else (nine_tenths - tenth) * tick_s,
         overshoot=max(0.0, max(shares) - 1.0),
-        # One that comes into the band at the very end has not been seen to stay.
+        # A speed that enters the band at the very end has not been seen to stay.
         settling_s=settled * tick_s if settled < len(shares) - len(end) // 2 else None,
         steady_error=sum(end) / len(end) - 1.0,
     )

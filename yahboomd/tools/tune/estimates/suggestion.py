@@ -1,17 +1,18 @@
 """Gains for a motor: a formula, and the choice of its one free number on the fitted motors.
 
-The formula is Skogestad's for a lag of first order behind a dead time (*Simple analytic rules for
+The formula is Skogestad's for a first-order lag with a dead time (*Simple analytic rules for
 model reduction and PID controller tuning*, Journal of Process Control 13, 2003, table 1), for a
 closed loop with the time constant λ:
 
     Kc = τ / (A (λ + θ))      Ti = min(τ, 4 (λ + θ))      so P = Kc, I = Kc T / Ti, D = 0
 
-with the tick T. θ is one tick: a half by which an output is held, and a half by which a speed that
-is counted over a tick is old. D stays 0: it would feed the steps of the counts to the motor.
+with the tick T. θ is one tick: outputs are held for a tick, half a tick on average, and a speed
+counted over a tick is half a tick old. D stays 0: it would pass the steps of the counts on to the
+motor.
 
-λ is the one that settles soonest on every fitted motor without more overshoot than wanted, also on
-motors that are 25 % off in gain and lag. These motors are run with their remaining dead zone and
-with the steps of their counts, which the formula knows nothing of.
+λ is the one that settles soonest on every fitted motor without too much overshoot, also on motors
+with 25 % more or less gain and lag. These simulated motors have their remaining dead zone and the
+resolution of their counts, which the formula ignores.
 """
 
 from __future__ import annotations
@@ -26,10 +27,10 @@ from yahboomd.tools.tune.estimates.loop_model import Gains, LoopModel, run
 from yahboomd.tools.tune.estimates.step_response import figures, speeds
 
 LAMBDAS = tuple(0.02 * 1.2**step for step in range(16))
-"""From 20 to 300 ms: what is faster than two ticks depends on what was not modelled."""
+"""From 20 to 300 ms. Behaviour faster than two ticks depends on effects outside the model."""
 
 OFF = 1.25
-"""The factor by which gain and lag may be other than fitted."""
+"""The factor by which gain and lag may differ from the fit."""
 
 OVERSHOOT = 0.03
 """The most on a model; a measured step may have 5 %."""
@@ -40,12 +41,12 @@ DECIMALS = 3
 
 
 class Suggestion(msgspec.Struct, frozen=True, kw_only=True):
-    """Gains, and what the models say of them.
+    """Gains, and their predicted behaviour.
 
     Attributes:
         lambda_s: The time constant of the closed loop that they are made for.
         overshoot: The largest on any of the fitted motors, as a share of the step.
-        settling_s: The longest; None where one does not settle.
+        settling_s: The longest; None if one does not settle.
     """
 
     gains: Gains
@@ -74,7 +75,7 @@ def suggest(
 
     Args:
         count: Travel of one count.
-        least_lambda_s: No faster than this: an earlier suggestion was too fast on the robot.
+        least_lambda_s: The fastest closed loop allowed, since an earlier one was too fast.
     """
     middle = LoopModel(
         gain=_middle([model.gain for model in models]),
@@ -107,7 +108,7 @@ def _worst(
         for model in models
     ]
     settled = [figures(speeds(travel, tick_s), target, tick_s).settling_s for travel in runs]
-    # What a window of counts smooths away overshoots all the same.
+    # Take the overshoot of single ticks, which a window of counts would smooth away.
     highest = max(after - before for travel in runs for before, after in pairwise(travel))
     overshoot = max(0.0, highest / tick_s / target - 1.0)
     known = [each for each in settled if each is not None]
