@@ -7,7 +7,7 @@ import pytest
 from ros_peers import HERE, built
 
 from yahboomd.core.config import read
-from yahboomd.core.daemon.ros2_graphs.ros2_parameters import parameter_meanings, parameter_server
+from yahboomd.core.daemon.ros2_graphs.ros2_parameters import parameter_server
 from yahboomd.core.messages import ros2
 from yahboomd.core.messages.native import SetPoseRequest
 from yahboomd.core.messages.rcl_interfaces import log
@@ -38,7 +38,7 @@ def ask(request):
 
 def test_ros_asks_for_parameters_and_reads_every_answer(ask):
     config = read(None, environ={}).config
-    services = parameter_server(config, parameter_meanings(config)).services
+    services = parameter_server(config).services
     names = ["command.timeout_s", "zenoh.listen", "serial.dtr", "no.such"]
     wanted = {
         "list_parameters": {"prefixes": ["command"], "depth": 1},

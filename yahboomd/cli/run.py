@@ -10,7 +10,6 @@ import re
 import sys
 from typing import TYPE_CHECKING
 
-from yahboomd.cli.child_reader import read_in_child
 from yahboomd.cli.shared_options import add_config_options, add_port_option, read_config
 from yahboomd.core.errors import BusError, YahboomdError
 from yahboomd.tools.port import run_guard
@@ -21,8 +20,6 @@ _ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-
-    from yahboomd.core.config import Config
 
 DESCRIPTION = """\
 Own the board's serial port, drive its wheels from velocity commands on the Zenoh bus, and publish
@@ -83,26 +80,20 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _serve(args: argparse.Namespace, guard: int | None) -> int:
-    from yahboomd.core.config import Config
-
-    wait = read_in_child(
-        lambda: _read(args), tuple[Config, tuple[str, ...], dict[str, tuple[str, str]]]
-    )
-    # Imported while the child reads.
     from yahboomd.cli.process_limits import make_room
     from yahboomd.core.daemon.logs import configure, flush
     from yahboomd.core.daemon.process import die_of
     from yahboomd.core.daemon.service import Daemon
 
-    config, warnings, meanings = wait()
-    configure(config.log.level, os.environ, sys.stderr)
+    loaded = read_config(args)
+    configure(loaded.config.log.level, os.environ, sys.stderr)
     make_room()
     log = logging.getLogger("yahboomd")
-    for warning in warnings:
+    for warning in loaded.warnings:
         log.warning("%s", warning)
 
     async def main() -> int:
-        daemon = Daemon(config, environ=os.environ, meanings=meanings, guard=guard)
+        daemon = Daemon(loaded.config, environ=os.environ, guard=guard)
         status = os.EX_OK
         try:
             await daemon.run()
@@ -175,17 +166,6 @@ def _start_guard() -> int | None:
     # Tells subprocess not to wait: the guard ends after this process.
     guard.returncode = 0
     return writing
-
-
-def _read(args: argparse.Namespace) -> tuple[Config, tuple[str, ...], dict[str, tuple[str, str]]]:
-    """The configuration, its warnings, and ROS 2's parameter descriptions if it needs them."""
-    loaded = read_config(args)
-    meanings = {}
-    if loaded.config.ros2.rmw_zenoh:
-        from yahboomd.core.daemon.ros2_graphs.ros2_parameters import parameter_meanings
-
-        meanings = parameter_meanings(loaded.config)
-    return loaded.config, loaded.warnings, meanings
 
 
 def _warn_of_killed() -> None:

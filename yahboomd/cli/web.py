@@ -14,7 +14,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from yahboomd.cli.child_reader import read_in_child
 from yahboomd.cli.shared_options import (
     add_bus_options,
     add_config_options,
@@ -139,13 +138,12 @@ def run(args: argparse.Namespace) -> int:
         return _certify(folder, args.host_name)
     if args.new_tokens or args.show_link:
         return _links(args, folder)
-    from yahboomd.core.bus.options import BusOptions
     from yahboomd.web.page_tools import ToolSettings
 
     place = _place(args.listen or DEFAULT_PLACE)
     check_source(args)
-    options, is_service = read_in_child(lambda: _read(args), tuple[BusOptions, bool])()
-    if is_service:
+    loaded = read_config(args)
+    if loaded.path is not None and loaded.path.parent == SERVICES:
         # Commands that pages start use the directory of the robot's service, not of the page's.
         os.environ.pop("STATE_DIRECTORY", None)
     setup = _Setup(
@@ -154,18 +152,11 @@ def run(args: argparse.Namespace) -> int:
         tokens=None if place.is_loopback else _tokens(folder),
         context=_context(args, place, folder),
         folder=folder,
-        options=options,
+        options=client_options(daemon_endpoints(args, loaded.config), loaded.config),
         source=args.source,
         tools=ToolSettings(robot=robot_arguments(args), recordings=folder / "recordings"),
     )
     return asyncio.run(_serve(setup))
-
-
-def _read(args: argparse.Namespace) -> tuple[BusOptions, bool]:
-    """The options to reach the daemon, and whether the configuration is a service's."""
-    loaded = read_config(args)
-    options = client_options(daemon_endpoints(args, loaded.config), loaded.config)
-    return options, loaded.path is not None and loaded.path.parent == SERVICES
 
 
 def state_folder(environ: Mapping[str, str], user_id: int) -> Path:

@@ -41,18 +41,6 @@ def test_the_extra_has_what_the_commands_behind_the_page_need() -> None:
     assert needed <= set(extras["web"])
 
 
-def test_the_configuration_is_read_in_a_process_that_ends() -> None:
-    """pydantic takes 10 MB of the 60 that the server may have."""
-    web = Process("web", "--listen", "127.0.0.1:0", "--connect", free_endpoint())
-    try:
-        web.says("The page is at http://127.0.0.1:")
-        loaded = Path(f"/proc/{web.process.pid}/maps").read_text()
-    finally:
-        web.end(signal.SIGTERM)
-    assert "msgspec" in loaded
-    assert "pydantic" not in loaded
-
-
 def test_a_mistake_in_the_configuration_is_named_once() -> None:
     web = Process("web", "--listen", "127.0.0.1:0", "--set", "zenoh.namespase=bot1")
     assert web.end_by_itself() == 78

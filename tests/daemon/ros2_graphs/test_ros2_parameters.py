@@ -8,7 +8,7 @@ import pytest
 from ros_oracle import Oracle
 
 from yahboomd.core.config import read
-from yahboomd.core.daemon.ros2_graphs.ros2_parameters import parameter_meanings, parameter_server
+from yahboomd.core.daemon.ros2_graphs.ros2_parameters import parameter_server
 
 SECRET = "hunter2"
 
@@ -24,7 +24,7 @@ class Asked:
     def __init__(self, oracle: Oracle, *given: str) -> None:
         self._oracle = oracle
         config = read(None, environ={}, overrides=given).config
-        self._services = parameter_server(config, parameter_meanings(config)).services
+        self._services = parameter_server(config).services
 
     def ask(self, service: str, **request: Any) -> Any:
         ros_type, respond = self._services[service]

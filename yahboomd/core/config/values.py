@@ -1,7 +1,7 @@
 """The types of values in the configuration, and how a key is written in messages.
 
 Each type states what it takes; the reference page and ``config.toml`` repeat these words. Types are
-checked by pydantic, which is imported where values are read: a running daemon has no use for it.
+checked by pydantic, which is imported where values are read: `yahboomd stop` has no use for it.
 """
 
 from __future__ import annotations

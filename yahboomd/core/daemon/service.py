@@ -48,7 +48,6 @@ class Daemon:
 
     Args:
         opener: Opens the port; made from the configuration unless given.
-        meanings: The meaning of each parameter of ROS 2, and what it takes.
         guard: The pipe to the process that stops the wheels if this one cannot; None without it.
     """
 
@@ -59,11 +58,9 @@ class Daemon:
         environ: Mapping[str, str],
         clock: Clock | None = None,
         opener: Opener | None = None,
-        meanings: Mapping[str, tuple[str, str]] | None = None,
         guard: int | None = None,
     ) -> None:
         self._config = config
-        self._meanings = meanings or {}
         self._environ = environ
         self._clock = clock or SystemClock()
         self._notifier = Notifier(environ, guard)
@@ -221,7 +218,6 @@ class Daemon:
             config,
             clock,
             services=services,
-            meanings=self._meanings,
             commands=lambda source: intake.handler(source, attached=True),
             poses=poses.accept,
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 from yahboomd.core.config import Config, schema
 from yahboomd.core.config.values import Place
@@ -19,22 +19,14 @@ HIDDEN: frozenset[Place] = frozenset({("zenoh", "config")})
 ENDPOINTS: frozenset[Place] = frozenset({("zenoh", "listen"), ("zenoh", "connect")})
 
 
-def parameter_server(config: Config, meanings: Mapping[str, tuple[str, str]]) -> ParameterServer:
-    """Answers for a configuration.
-
-    Args:
-        meanings: Those of :func:`parameter_meanings`.
-    """
-    values = {_name(place): value for place, value in _parameters(config.as_data(), ())}
-    return ParameterServer(values, meanings, REFUSAL)
-
-
-def parameter_meanings(config: Config) -> dict[str, tuple[str, str]]:
-    """The meaning of each parameter, and what it takes. Slow, and it loads pydantic."""
-    return {
-        _name(place): (_meaning(place), schema.takes(schema.node_at(place)))
-        for place, _ in _parameters(config.as_data(), ())
-    }
+def parameter_server(config: Config) -> ParameterServer:
+    """Answers for a configuration."""
+    values = dict(_parameters(config.as_data(), ()))
+    return ParameterServer(
+        {_name(place): value for place, value in values.items()},
+        {_name(at): (_meaning(at), schema.takes(schema.node_at(at))) for at in values},
+        REFUSAL,
+    )
 
 
 def _name(place: Place) -> str:

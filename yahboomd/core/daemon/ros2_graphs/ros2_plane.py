@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from socket import gethostname
 
 from yahboomd.core.bus import keys
@@ -47,7 +47,6 @@ def start(
     clock: Clock,
     *,
     services: Services,
-    meanings: Mapping[str, tuple[str, str]],
     commands: Callable[[str], Handler],
     poses: Handler,
 ) -> RosPublisher:
@@ -55,7 +54,6 @@ def start(
 
     Args:
         bus: An open session, on which the services and the plain command keys are there already.
-        meanings: The meaning of each parameter, and what it takes.
         commands: What to hand a source's commands to that arrive natively.
         poses: Takes messages that set the pose and arrive natively.
 
@@ -95,7 +93,7 @@ def start(
     if native is not None:
         for name, key in USUAL_NAMES.items():
             serve(native, name, key, ros2.TRIGGER)
-        native.parameters(parameter_server(config, meanings))
+        native.parameters(parameter_server(config))
     types = TypeWatch(bus)
     for source in filter(is_ros_name, config.command.sources):
         stamped = source in config.ros2.stamped_commands
