@@ -1,7 +1,7 @@
 """Clocks, alarms and schedules: the only file that reads the time.
 
-Intervals and deadlines are integer monotonic nanoseconds (``CLOCK_MONOTONIC``); wall time exists
-for outgoing samples alone. Everything that waits takes a :class:`Clock`, so that tests run on
+Intervals and deadlines are integer monotonic nanoseconds (``CLOCK_MONOTONIC``); wall time is only
+for outgoing samples. Everything that waits takes a :class:`Clock`, so that tests run on
 virtual time.
 """
 
@@ -86,12 +86,12 @@ _HELD_UP_NS = 50_000_000
 class PauseWatch:
     """Detects that this process did not run: stopped, frozen, starved, or suspended.
 
-    All threads stand still then, so that those of a network library stamp what waited in the kernel
-    as if it had arrived just now. Only a gap between two moments at which the loop ran shows it.
-    :meth:`detect` belongs in front of everything that handles what may have waited.
+    All threads stand still then, so that those of a network library stamp data that waited in the
+    kernel as if it had arrived just now. Only a gap between two moments at which the loop ran shows
+    it. Call :meth:`detect` before handling anything that may have waited.
 
     Args:
-        shortest_ns: A gap of so long is a pause; the loop must come by more often than that. May be
+        shortest_ns: A gap this long is a pause; the loop must run more often than that. May be
             changed.
     """
 
@@ -108,7 +108,7 @@ class PauseWatch:
         if before_ns is None:
             self._suspended_ns = suspended_ns
             return None
-        # A reading can be too small, where the process was held up between two clocks.
+        # A reading can be too small if the process was held up between two clocks.
         grown_ns = max(0, suspended_ns - self._suspended_ns)
         self._suspended_ns += grown_ns
         if grown_ns < _HELD_UP_NS:
@@ -144,10 +144,10 @@ class Schedule:
         """Call back at each beat with the time it was due, until cancelled; then close.
 
         The callback runs in the loop's iteration that the timer woke; a coroutine that waits for
-        :meth:`beat` goes on in the next one.
+        :meth:`beat` continues in the next one.
 
         Raises:
-            Exception: What the callback raised.
+            Exception: Any exception of the callback.
         """
         self._on_beat = on_beat
         self._ringing = asyncio.get_running_loop().create_future()
@@ -159,7 +159,7 @@ class Schedule:
         raise AssertionError
 
     def rest(self, until_ns: int) -> None:
-        """Leave out the beats before that moment; called in a beat."""
+        """Skip the beats before that moment; called in a beat."""
         beats = max(0, -((self._next_ns - until_ns) // self._period_ns))
         self._next_ns += beats * self._period_ns
         self._resting = beats > 0
@@ -199,7 +199,7 @@ class Schedule:
             return
         try:
             on_beat(self._counted())
-        except Exception as error:  # noqa: BLE001 - raised where the schedule is awaited
+        except Exception as error:  # noqa: BLE001 - raised again by the await
             ringing.set_exception(error)
         else:
             self._alarm.set(self._next_ns)
@@ -323,9 +323,9 @@ class SystemClock:
         return time.clock_gettime_ns(time.CLOCK_BOOTTIME) - time.monotonic_ns()
 
     def alarm(self, callback: Callable[[], None]) -> Alarm:
-        """A timerfd that calls back; where no descriptor is left, a timer of the loop."""
+        """A timerfd that calls back; without a free descriptor, a timer of the loop."""
         try:
             return _KernelAlarm(self._libc, callback)
         except OSError:
-            # It waits in whole milliseconds, which is no reason to leave the wheels to themselves.
+            # It waits in whole milliseconds, which is better than no control of the wheels.
             return LoopAlarm(callback)

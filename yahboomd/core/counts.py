@@ -1,12 +1,12 @@
 """The recent history of the counters, and the speeds of the wheels by it.
 
-Law: a speed is counts over the longest time that they can have taken. Where the moment of each
-reading is known, that is the mean speed; where only a span is known, it is a lower bound.
+Law: a speed is counts over the longest time that they can have taken. If the moment of each
+reading is known, that is the mean speed; if only a span is known, it is a lower bound.
 
-A line without a checksum garbles a digit now and then, and what comes of it may look like travel.
-One reading makes every speed wrong that is taken from it or to it; the median of the speeds between
+A line without a checksum garbles a digit now and then, and the result may look like travel.
+One such reading makes every speed wrong that begins or ends at it; the median of the speeds between
 all pairs of readings (H. Theil, *A rank-invariant method of linear and polynomial regression
-analysis*, 1950; P. K. Sen, 1968) does not care, up to more than a quarter of them garbled.
+analysis*, 1950; P. K. Sen, 1968) stays right if a quarter of them is garbled.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ WRAP = 1 << 32
 HALF = WRAP >> 1
 
 WITNESSED_NS = 80_000_000
-"""Witnesses are no older than this: a wheel that runs away has to be cut within 150 ms of showing
+"""Witnesses are no older than this: a wheel that runs away must be cut within 150 ms of showing
 it, and the median shows it when half of the pairs do."""
 
 APART_NS = 25_000_000
-"""Readings that lie closer together show too little of a speed."""
+"""Readings that lie closer together do not show a speed."""
 
 ENOUGH = 5
 """The readings that prove a speed; any one of them may be wrong."""
 
 SELDOM = 3
 SELDOM_NS = 200_000_000
-"""The readings that suffice where they are so seldom that ENOUGH would take longer."""
+"""The readings that suffice if they are so rare that ``ENOUGH`` would take longer."""
 
 
 def unwrapped(step: int) -> int:
@@ -46,7 +46,7 @@ def unwrapped(step: int) -> int:
 
 
 def slowest(*speeds: float) -> float:
-    """The speed nearest to standstill on which all opinions agree; 0 where they contradict."""
+    """The speed of the smallest magnitude; 0 if the signs differ."""
     return max(min(speeds), min(0.0, max(speeds)))
 
 
@@ -54,8 +54,8 @@ class Reading(msgspec.Struct, frozen=True):
     """Counts of all motors.
 
     Attributes:
-        earliest_ns: The board sampled them no earlier.
-        latest_ns: And no later.
+        earliest_ns: The earliest time at which the board can have sampled them.
+        latest_ns: The latest.
         totals: Counts of each motor since any start.
     """
 
@@ -68,8 +68,8 @@ class CountHistory:
     """The latest readings of all motors.
 
     Args:
-        keep_ns: How far back they reach: one reading is kept that is so old or older.
-        least: So many are kept, however old they are.
+        keep_ns: How far back they reach; the newest reading at least this old is kept too.
+        least: The number that is kept at any age.
     """
 
     __slots__ = "_keep_ns _least _readings".split()
@@ -81,19 +81,19 @@ class CountHistory:
 
     @property
     def latest_ns(self) -> int | None:
-        """The latest moment at which the newest reading was sampled; None where there is none."""
+        """The latest moment at which the newest reading was sampled; None without a reading."""
         return self._readings[-1].latest_ns if self._readings else None
 
     def clear(self) -> None:
-        """Begin again: it is unknown what the wheels did."""
+        """Start again: the motion since is unknown."""
         self._readings.clear()
 
     def add(self, at_ns: int, totals: tuple[int, ...], earliest_ns: int | None = None) -> None:
         """Add a reading, in the order of time.
 
         Args:
-            at_ns: When it was sampled; at the latest, where that is not known.
-            earliest_ns: And at the earliest.
+            at_ns: When it was sampled; the latest possible time if that is not known.
+            earliest_ns: The earliest possible time; None if ``at_ns`` is exact.
         """
         readings = self._readings
         readings.append(Reading(at_ns if earliest_ns is None else earliest_ns, at_ns, totals))
@@ -108,15 +108,15 @@ class CountHistory:
     def since(
         self, shortest_ns: int = 0, longest_ns: float = math.inf, enough_ticks: float = 0
     ) -> tuple[int, tuple[int, ...]] | None:
-        """Counts up to the latest reading, over as short a time as shows a speed.
+        """Counts up to the latest reading, over the shortest time that shows a speed.
 
         Args:
-            shortest_ns: Over at least so long, where readings reach so far.
-            longest_ns: Over at most so long, unless readings lie farther apart.
-            enough_ticks: Back to where the busiest motor has so many counts.
+            shortest_ns: Over at least this time, if readings reach back to it.
+            longest_ns: Over at most this time, unless readings lie farther apart.
+            enough_ticks: Back to a reading since which the busiest motor has this many counts.
 
         Returns:
-            The longest time that they can have taken, and the counts of each motor; None where
+            The longest time that they can have taken, and the counts of each motor; None if
             there is no time between those readings.
         """
         readings = self._readings
@@ -142,14 +142,14 @@ class CountHistory:
         return span_ns, tuple(deltas)
 
     def witnessed(self, motor: int, after_ns: int | None = None) -> float | None:
-        """The speed of one motor that readings agree on, whichever of them was garbled.
+        """The speed of one motor that readings agree on, if any one of them was garbled.
 
         Args:
-            motor: Its place in the totals.
-            after_ns: Readings up to then are no witnesses.
+            motor: Its index in the totals.
+            after_ns: Readings up to then are ignored.
 
         Returns:
-            Counts in a second, of all medians that leave one reading out the slowest; None where
+            Counts in a second: the slowest of the medians that leave one reading out; None if
             readings are too few.
         """
         heard = [

@@ -12,7 +12,7 @@
 │   └── ``BoardStoresNothing``  it has no settings that could be stored
 ├── ``BusError``         the Zenoh session: exit 69 (EX_UNAVAILABLE)
 │   ├── ``NoDaemon``         no daemon answers there
-│   └── ``Refused``          the daemon answered, and does not do it: exit 1
+│   └── ``Refused``          the daemon answered with a refusal: exit 1
 ├── ``CommandEnded``     this program stood still, and its robot stopped: exit 1
 ├── ``ListenError``      another listener of ours: exit 69 (EX_UNAVAILABLE)
 └── ``LimitError``       too few files or threads, or too little memory: exit 71 (EX_OSERR)
@@ -28,11 +28,11 @@ from typing import ClassVar
 
 
 class YahboomdError(Exception):
-    """An error that a person reads: what happened, and a remedy.
+    """An error for a person: a message and a remedy.
 
     Args:
-        message: What happened and where (port, key, file and line).
-        remedy: What the person can do about it; empty where there is nothing.
+        message: The fault and its place (port, key, file and line).
+        remedy: The person's next step; empty if there is none.
     """
 
     exit_code: ClassVar[int] = os.EX_SOFTWARE
@@ -132,11 +132,11 @@ _SIGNS = {
     "Failed to init": "Zenoh cannot start its threads",
     "failed to map segment": "no memory is left",
 }
-"""Words of threading, of Zenoh's panics (no :class:`Exception`), and of the loader of libraries."""
+"""Texts of threading, of Zenoh's panics (no :class:`Exception`), and of the loader of libraries."""
 
 
 def shortage(error: BaseException) -> LimitError | None:
-    """The limit that an error of the system is due to; None for any other error."""
+    """The limit of the system that caused an error; None for any other error."""
     words = "no memory is left" if isinstance(error, MemoryError) else ""
     if isinstance(error, OSError) and error.errno in _SHORTAGES:
         words = os.strerror(error.errno)

@@ -65,10 +65,10 @@ EventKind: TypeAlias = Literal[
     "turns_without_command",
     "wheels_slip",
 ]
-"""Every kind of event; what each means is in :mod:`yahboomd.tools.schemas.event_kinds`."""
+"""Every kind of event; :mod:`yahboomd.tools.schemas.event_kinds` has the meanings."""
 
 CHANNELS = 4
-"""Positions of the board; every frame with per-motor numbers carries exactly so many."""
+"""Positions of the board; every frame with per-motor numbers carries exactly this many."""
 
 
 class Twist2d(msgspec.Struct, frozen=True, kw_only=True):
@@ -87,14 +87,14 @@ STANDSTILL = Twist2d()
 
 FASTEST_M_S = 100.0
 FASTEST_RAD_S = 1000.0
-"""No robot is faster. A command that is comes of a mistake, such as a division by nearly zero: it
+"""No robot is faster. A faster command comes from a mistake, such as a division by nearly zero: it
 is refused, and not limited to full speed."""
 
 
 def velocity_problem(
     vx: float, vy: float, wz: float
 ) -> tuple[Literal["not_finite", "too_fast"], str] | None:
-    """Why a velocity is no command: the word under which it is counted, and a sentence."""
+    """The reason to refuse a velocity: the word under which it is counted, and a sentence."""
     if not (math.isfinite(vx) and math.isfinite(vy) and math.isfinite(wz)):
         return "not_finite", f"vx {vx:g}, vy {vy:g}, wz {wz:g} is not a finite velocity."
     if max(abs(vx), abs(vy)) > FASTEST_M_S or abs(wz) > FASTEST_RAD_S:
@@ -122,8 +122,8 @@ class Motor(msgspec.Struct, frozen=True, kw_only=True):
         wheel: Index of the kinematic wheel (``Kinematics.wheels``) that it turns; in a skid-steer
             base several motors turn one "wheel", a side.
         position: Its place on the board, 1 to 4.
-        command_sign: +1, or -1 where a positive command would turn the wheel backward.
-        encoder_sign: +1, or -1 where the counts fall while the wheel rolls forward.
+        command_sign: +1, or -1 if a positive command would turn the wheel backward.
+        encoder_sign: +1, or -1 if the counts fall while the wheel rolls forward.
         radius_m: The radius of its wheel, calibration included.
         ticks_per_revolution: Counts of one turn of the wheel.
     """
@@ -155,7 +155,7 @@ class Kinematics(msgspec.Struct, frozen=True, kw_only=True):
         base_m: From the rear axle to the front one, if the maps or the curves depend on it; else 0.
         least_radius_m: The tightest curve that the middle of the rear axle can drive, of a car that
             steers; 0 for a base that turns on the spot.
-        turn_slip: Variance of a turn for each radian, rad^2, by what a floor makes of the track.
+        turn_slip: Variance of a turn for each radian, rad^2: the track depends on the floor.
     """
 
     name: str
@@ -182,13 +182,13 @@ class EncoderReading(msgspec.Struct, frozen=True, kw_only=True):
         after_reset: The first reading since the board reset itself: counters started from zero.
         after_gap: The first reading since the port was (re)opened.
         unbroken: Counts came by themselves: before this connection switched the stream on, or after
-            a pause of this process. A reset switches it off, so there was none since it was
-            switched on last.
+            a pause of this process. A reset switches it off, so the board was not reset since it
+            was switched on last.
         requested_ns: When the request that this answers was on the board, as far as the wire shows
-            (written, plus its transfer time); None for a board that streams, or where not known.
+            (written, plus its transfer time); None for a board that streams, or if not known.
             Takes the receiving side's jitter off the stamp. Monotonic nanoseconds.
-        earliest_ns: The board cannot have sampled them before. The same as ``requested_ns``, but
-            where an earlier request was not answered in time: this may be the answer to that one.
+        earliest_ns: The earliest time at which the board can have sampled them: ``requested_ns``,
+            unless an earlier request was not answered in time: this may be the answer to that one.
     """
 
     ticks: Counts
@@ -230,7 +230,7 @@ class ImuReading(msgspec.Struct, frozen=True, kw_only=True):
         sent_ns: When its first byte left the board, as far as the wire shows; monotonic.
         gyro_rad_s: Rate of turn about x, y and z.
         acceleration_m_s2: Specific force along x, y and z: at rest, gravity upward.
-        magnetic_t: The magnetic field in tesla; None where there is no magnetometer.
+        magnetic_t: The magnetic field in tesla; None without a magnetometer.
     """
 
     sensor: ImuSensor
@@ -241,15 +241,15 @@ class ImuReading(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ImuEstimate(msgspec.Struct, frozen=True, kw_only=True):
-    """A sample of the inertial sensor, and what is known with it.
+    """A sample of the inertial sensor, and the heading at that moment.
 
     Attributes:
         reading: The sample, along the axes of the base.
         stamp_ns: When it was measured; monotonic nanoseconds.
-        bias_rad_s: What the gyro shows about the vertical axis at rest, as learned.
-        bias_variance: Of that, (rad/s)^2.
+        bias_rad_s: The rate that the gyro shows about the vertical axis at rest, as learned.
+        bias_variance: Its variance, (rad/s)^2.
         theta: The heading by wheels and gyro in the odometry frame, not wrapped.
-        theta_variance: Of that, rad^2.
+        theta_variance: Its variance, rad^2.
     """
 
     reading: ImuReading
@@ -289,7 +289,7 @@ class Event(msgspec.Struct, frozen=True, kw_only=True):
     """Something that happened once, published for people and programs.
 
     Attributes:
-        message: One sentence: what happened, what yahboomd does, what can be done.
+        message: One sentence: the event, yahboomd's reaction, and the remedy.
         wheel: The motor concerned, by name.
         data: Numbers and words that belong to it.
     """

@@ -1,4 +1,4 @@
-"""Names and endpoints of the bus: what is wrong with one that a person wrote."""
+"""Checks of names and endpoints of the bus that a person wrote."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def name_problem(name: str) -> str | None:
 def endpoint_problem(endpoint: str) -> str | None:
     """The reason why ``endpoint`` cannot work; None when it looks right.
 
-    Zenoh reports no wrong endpoint to connect to: it retries it for ever.
+    Zenoh does not report a wrong endpoint to connect to: it retries for ever.
     """
     if not is_utf8(endpoint):
         return NOT_UTF8
@@ -63,7 +63,7 @@ def endpoint_problem(endpoint: str) -> str | None:
 
 
 def host_and_port(endpoint: str) -> tuple[str, int] | None:
-    """The host, without brackets, and the port of ``endpoint``; None where it has none."""
+    """The host, without brackets, and the port of ``endpoint``; None if it has none."""
     parts = _ENDPOINT.fullmatch(endpoint)
     address = _ADDRESS.fullmatch(parts["address"]) if parts else None
     return (address["host"].strip("[]"), int(address["port"])) if address else None

@@ -1,7 +1,7 @@
-"""Texts as a person's terminal takes them: commands that can be pasted, nothing that commands it.
+"""Texts for a person's terminal: commands that can be pasted, and no control characters.
 
 Texts name `yahboomd stop`; in a virtual environment that is not active, the shell knows only
-`.venv/bin/yahboomd`. What prints a text replaces the one by the other.
+`.venv/bin/yahboomd`. :func:`pasteable` replaces one by the other.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ _PASTED = re.compile(rf"(?<![\w/.-])yahboomd (?=(?:{'|'.join(COMMANDS)})\b)")
 def readable(text: str) -> str:
     """The text without control characters, but for line ends and tabs.
 
-    Boards, other clients of the bus and file names have a part in what is printed and logged.
+    Boards, other clients of the bus and file names contribute to printed and logged texts.
     """
     if text.isprintable():
         return text
@@ -60,7 +60,7 @@ def readable(text: str) -> str:
 
 
 def plain(text: str) -> str:
-    """Text without control characters: what comes over the bus must not command a terminal."""
+    """Text without control characters: a message of the bus must not command a terminal."""
     return text if text.isprintable() else "".join(c if c.isprintable() else " " for c in text)
 
 
@@ -80,7 +80,7 @@ def name() -> str:
 
 
 def _from_here(path: Path) -> Path:
-    """The path from the current folder, where it leads to it."""
+    """The path relative to the current folder, if it is below it."""
     try:
         here = Path.cwd()
     except OSError:
@@ -107,7 +107,7 @@ def install_command(extra: str) -> str:
 
 
 def release_command(namespace: str, listen: Sequence[str]) -> str:
-    """The command that releases the emergency stop of this daemon, whichever others are there."""
+    """The command that releases the emergency stop of this daemon, and of no other."""
     words = ["yahboomd stop --release"]
     words += [f"--namespace {namespace}"] if namespace else []
     if listen and STANDARD_LISTEN not in listen:

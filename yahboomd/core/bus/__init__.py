@@ -1,5 +1,5 @@
 """The Zenoh bus. `bus.Bus` declares publishers, subscriptions and services on it.
 
-It opens and closes within bounds, carries bytes to the event loop, and knows nothing of what they
-mean. `keys` has their names, `options` what becomes Zenoh's configuration.
+It opens and closes in bounded time, carries bytes to the event loop, and does not know their
+meaning. `keys` has their names, `options` makes Zenoh's configuration.
 """

@@ -1,9 +1,8 @@
 """Keys on which every sample and every query counts, unless it is recognised as harmless.
 
-The decision is made in Zenoh's thread as the payload arrives, and nothing of it is kept but that
-decision. So a flood of harmless payloads cannot push an alarm out of a queue, and an alarm never
-waits for the loop to read what came before it. What is too long to be a harmless payload raises the
-alarm unread.
+The decision is made in Zenoh's thread as the payload arrives, and only the decision is kept. So a
+flood of harmless payloads cannot push an alarm out of a queue, and an alarm never waits for the
+loop to read earlier payloads. A payload that is too long to be harmless raises the alarm unread.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ Harmless: TypeAlias = Callable[[bytes], bool]
 
 
 def is_unread(carrier: zenoh.Sample | zenoh.Query) -> bool:
-    """Whether it carries so much that it raises an alarm unread."""
+    """Whether it is too large to be read, and raises an alarm unread."""
     # Each look at a part of a message costs as much as reading a short payload does.
     payload, attachment = carrier.payload, carrier.attachment
     size = 0 if payload is None else len(payload)
@@ -34,7 +33,7 @@ def is_unread(carrier: zenoh.Sample | zenoh.Query) -> bool:
 
 
 def raises_alarm(carrier: zenoh.Sample | zenoh.Query, harmless: Harmless) -> bool:
-    """Whether a sample raises an alarm; one that is empty, or that an error keeps unread, does."""
+    """Whether a sample raises an alarm; an empty or unreadable one does."""
     payload = carrier.payload
     if payload is None or is_unread(carrier):
         return True
@@ -48,8 +47,8 @@ def is_named(key: str, selector: str) -> bool:
     """Whether a query asks for an alarm's key, and not for everything.
 
     Wildcards may stand before the last part, so that one query stops several robots. The last part
-    itself has to be written out: programs that list a network ask for ``**`` or ``yahboomd/*``. A
-    key outside the namespace (``/``) ends in a type that many keys share, and takes its full name.
+    must be written out: programs that list a network ask for ``**`` or ``yahboomd/*``. A key
+    outside the namespace (``/``) ends in a type that many keys share, and needs its full name.
 
     Args:
         key: As declared, below the namespace.
@@ -60,8 +59,8 @@ def is_named(key: str, selector: str) -> bool:
 class AlarmSubscriber:
     """A subscriber to one such key. Made by ``Bus.alarm``, which explains the arguments.
 
-    Unlike a subscription's, its samples never go into a ring of Zenoh's, which drops unread what it
-    has no room for.
+    Unlike a subscription's, its samples never go into a ring of Zenoh's, which drops samples unread
+    when it is full.
     """
 
     def __init__(
@@ -78,8 +77,8 @@ class AlarmSubscriber:
         self.key = key
         self._harmless = harmless
         self._asks_nothing = asks_nothing
-        # An entry says whether its payload went unread. Where a lane is full its entries are
-        # merged: one that is left raises the alarm for all, and their number is kept.
+        # An entry is true if its payload went unread. A full lane merges its entries: one that is
+        # left raises the alarm for all, and their number is kept.
         self._alarms: SampleLane[bool] = inbox.lane(
             lambda batch, merged: raised(len(batch) + merged, sum(batch)), urgent=True
         )

@@ -1,7 +1,7 @@
 """Calls that may block, kept off the loop: one bounded in time, or many in order in a thread.
 
-Zenoh holds back what it must not drop while a connection is full: a subscriber that froze held
-``put`` for five seconds, until its connection was given up.
+While a connection is full, Zenoh blocks every call whose data it must not drop: a frozen subscriber
+held ``put`` for five seconds, until its connection was closed.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 Result = TypeVar("Result")
 
 EXIT_S = 2.0
-"""The longest that the end of the process waits for calls that are still going on."""
+"""The longest that the end of the process waits for running calls."""
 
 _running = set[threading.Thread]()
 
@@ -30,8 +30,8 @@ _running = set[threading.Thread]()
 def _await_calls() -> None:
     """Let calls return before the interpreter is torn down.
 
-    A thread that comes back from Zenoh during it is ended by unwinding through Rust, which aborts
-    the process (signal 6), whatever status it was to end with.
+    A thread that returns from Zenoh during it is ended by unwinding through Rust, which aborts
+    the process (signal 6) instead of ending it with its status.
     """
     clock = SystemClock()
     deadline_ns = clock.now_ns() + nanoseconds(EXIT_S)
@@ -67,8 +67,8 @@ async def bounded(
         late: Called in the thread with a result that came after the timeout.
 
     Raises:
-        TimeoutError: The call had not returned in time. It goes on in its thread.
-        Exception: Whatever the call raised.
+        TimeoutError: The call had not returned in time. It continues in its thread.
+        Exception: Any exception of the call.
     """
     loop = asyncio.get_running_loop()
     future: asyncio.Future[Result] = loop.create_future()
@@ -87,7 +87,7 @@ async def bounded(
         error: BaseException | None = None
         try:
             result = call()
-        except BaseException as caught:  # noqa: BLE001 - raised again where it is awaited
+        except BaseException as caught:  # noqa: BLE001 - raised again by the await
             error = caught
         try:
             loop.call_soon_threadsafe(settle, result, error)
@@ -107,7 +107,7 @@ async def bounded(
 
 
 _WAITING = 256
-"""Calls that wait for the thread; beyond it the call is refused at once."""
+"""Calls that may wait for the thread; more are refused at once."""
 
 
 class Sender:
@@ -121,11 +121,10 @@ class Sender:
         self._failed = False
 
     def send(self, work: Callable[[], object]) -> bool:
-        """Have ``work`` done by the thread; from any thread. What it raises is logged, once.
+        """Have the thread call ``work``; from any thread. The first exception is logged.
 
         Returns:
-            False when too much waits already, or there is no room for a thread now: it will not be
-            done.
+            False if the queue is full, or no thread can be started now: ``work`` is not called.
         """
         with self._lock:
             if self._thread is None:
@@ -143,12 +142,12 @@ class Sender:
         return True
 
     def close(self, timeout_s: float) -> bool:
-        """Do what waits and end the thread; blocks, but not much longer than ``timeout_s``.
+        """Make the waiting calls and end the thread; blocks for twice ``timeout_s`` at most.
 
         Returns:
             Whether the thread has ended.
         """
-        # A first call that comes at the same moment may be starting it: that cannot be joined.
+        # A first call at the same moment may be starting it: that thread cannot be joined.
         with self._lock:
             thread = self._thread
         if thread is None:
@@ -165,7 +164,7 @@ class Sender:
             try:
                 work()
             except BaseException:
-                # A panic of Zenoh's is no Exception. Whatever comes next still goes out.
+                # A panic of Zenoh's is no Exception. Later calls are still made.
                 if not self._failed:
                     log.exception("A call of %s failed; others go on", self._name)
                 self._failed = True

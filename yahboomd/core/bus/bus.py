@@ -1,11 +1,11 @@
-"""The bus: opened and closed within bounds, and all that is declared on it.
+"""The bus: opened and closed in bounded time, with all declarations on it.
 
 The loop owns everything here. Zenoh's threads touch nothing but the inbox.
 
-By default there are two sessions of Zenoh's under it, and whatever is declared is declared in both:
+By default it has two Zenoh sessions, and makes every declaration in both:
 a router on loopback, to which clients and peers on the machine connect, and a client of the
 machine's usual router, as soon as that is there (:mod:`.zenoh_sessions`). An application that
-connects to both gets and gives every sample twice; it should connect to one.
+connects to both receives and sends every sample twice; it should connect to one.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from yahboomd.core.errors import BusError
 log = logging.getLogger(__name__)
 
 LARGE = 2
-"""Queries kept at once that carry more than services take, to be refused in words."""
+"""Oversize queries that are kept at once, to be refused with a reason."""
 
 
 class Declared(Protocol):
@@ -69,8 +69,8 @@ class Bus:
         self._inbox: Inbox | None = None
         self._uplink: asyncio.Task[None] | None = None
         self._closed = True
-        # Two: an e-stop's acknowledgement does not wait behind an answer for an application that
-        # froze.
+        # Two, so that an e-stop's acknowledgement does not wait behind an answer to a frozen
+        # application.
         self._answering = Answering(
             answers=Sender("bus-answers"),
             acknowledgements=Sender("bus-acknowledgements"),
@@ -80,7 +80,7 @@ class Bus:
         self._declared: list[Declared] = [self._neighbours]
 
     async def open(self) -> None:
-        """Open the session; it listens from then on, and joins what it is to join by itself.
+        """Open the session; it listens from then on, and joins its router by itself.
 
         Raises:
             BusError: It cannot be opened as configured.
@@ -108,10 +108,10 @@ class Bus:
             self._uplink = asyncio.create_task(self._join(), name="bus-uplink")
 
     async def close(self) -> bool:
-        """Answer what is pending and close the sessions, within bounds; safe to call twice.
+        """Answer pending requests and close the sessions, in bounded time; safe to call twice.
 
         Returns:
-            Whether they are closed. Where not, a thread is left inside Zenoh, and Python's ordinary
+            Whether they are closed. If not, a thread is left inside Zenoh, and Python's ordinary
             exit would hang or abort: end the process by ``os._exit``.
         """
         inbox, self._inbox = self._inbox, None
@@ -174,7 +174,7 @@ class Bus:
             each.attach(session)
 
     def _declare(self, declaration: Declaration) -> Declaration:
-        # A client subscribes again and again.
+        # A client subscribes repeatedly: forget its closed subscriptions.
         self._declared = [
             each for each in self._declared if not (isinstance(each, Subscription) and each.closed)
         ]
@@ -238,19 +238,19 @@ class Bus:
         keep_oversize: bool = False,
         gather_s: float = 0.0,
     ) -> Subscription:
-        """Have samples delivered to ``handler`` on the loop, oldest first, all pending at once.
+        """Deliver samples to ``handler`` on the loop, oldest first, all pending ones at once.
 
         Args:
             key: The key, without wildcards.
-            handler: Takes at most ``depth`` arrivals in a call. Where more came, the oldest were
-                dropped and the first of the batch says how many.
+            handler: Takes at most ``depth`` arrivals in a call. If more came, the oldest were
+                dropped, and the first of the batch has their number.
             depth: Samples kept for it.
             max_bytes: The most that payload and attachment may have together; larger samples are
                 counted and not kept.
-            keep_oversize: Deliver also those that are too large, without their payload.
-            gather_s: Deliver so late, for half of the work: no Python runs when a sample comes.
-                The time of its arrival is then its stamp, where that fits, and ``depth`` samples
-                may come meanwhile.
+            keep_oversize: Deliver oversize samples as well, without their payload.
+            gather_s: Deliver only once in this time, for half of the work: no Python runs when a
+                sample comes. Its stamp is then its time of arrival, if that is possible, and
+                ``depth`` samples may come in between.
         """
         return self._declare(
             Subscription(
@@ -278,7 +278,7 @@ class Bus:
         idle: Callable[[int], None],
         asks_nothing: Harmless,
     ) -> AlarmSubscriber:
-        """Have every sample on ``key`` raise an alarm, unless it is recognised as harmless.
+        """Raise an alarm for every sample on ``key``, unless it is recognised as harmless.
 
         Args:
             key: The key, without wildcards.
@@ -318,17 +318,17 @@ class Bus:
         Args:
             key: The key, without wildcards.
             handler: Answers on the loop, at once or as a coroutine.
-            fallback: Makes the answer where the handler does not: it failed, too much is pending,
+            fallback: Makes the answer if the handler does not: it failed, too much is pending,
                 the request is too large or was not meant for this key alone.
             pending: Queries that wait for the loop; more are answered by the fallback.
             max_bytes: The most that payload and attachment may have together. Few larger queries
                 are kept at once; the others end without an answer.
             wildcards: Whether a query on ``**`` and the like may reach the handler.
-            harmless: Makes it the service of an alarm, which every query raises whose payload this
-                does not recognise: those are delivered before everything else, those that are too
-                large without their payload.
-            complete: Declared as complete: an asker who does not ask for all reaches it alone.
-                Where it is not, such an asker reaches all services of that key.
+            harmless: Makes it the service of an alarm. Every query whose payload this does not
+                recognise raises it, and is delivered before everything else, without its payload
+                if that is too large.
+            complete: Declared as complete: a query that does not ask for all reaches it alone.
+                Otherwise, such a query reaches all services of that key.
         """
         return self._declare(
             Service(
@@ -358,7 +358,7 @@ class Bus:
     def watch_tokens(
         self, pattern: str, handler: Callable[[list[TokenChange]], None]
     ) -> TokenWatch:
-        """Have tokens that match ``pattern`` reported, those that exist already first.
+        """Report tokens that match ``pattern``, existing ones first.
 
         The session's own tokens are among them.
         """
@@ -373,7 +373,7 @@ class Bus:
 
     @property
     def session(self) -> zenoh.Session:
-        """The (first) session itself, for clients that ask and may wait.
+        """The first session, for clients that make blocking queries.
 
         Raises:
             BusError: It is not open.

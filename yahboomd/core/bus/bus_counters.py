@@ -14,8 +14,8 @@ from yahboomd.core.bus.subscriptions import Subscription
 def summed_counters(declared: Iterable[object]) -> dict[str, int]:
     """Sum their counters up.
 
-    Delivered samples are counted by their consumers. The losses of a ring of Zenoh's in a flood
-    are unknown; ``samples_dropped`` counts at least one for each full ring.
+    Consumers count the delivered samples. The losses of a ring of Zenoh's in a flood are unknown;
+    ``samples_dropped`` counts at least one for each full ring.
     """
     found: Counter[str] = Counter()
     for each in declared:

@@ -1,14 +1,14 @@
-"""The way from Zenoh's threads to the event loop: bounded, one hop for all that is pending.
+"""The way from Zenoh's threads to the event loop: bounded, with one hop for all pending entries.
 
-A callback of Zenoh's runs in the thread that reads the network. Whatever it waits for, all that
-comes over the same connection waits for too; calling Zenoh from it can deadlock. So it does three
-things: it checks the size, wakes the loop unless that is done, and appends to a bounded lane what
-it copied while the loop was waking. A lane that was empty announces itself, so that the loop looks
-into none for nothing.
+A Zenoh callback runs in the thread that reads the network. While it waits, everything on the same
+connection waits too; calling Zenoh from it can deadlock. So it does three things: it checks the
+size, wakes the loop unless that is done, and appends to a bounded lane the copy that it made
+while the loop was waking. A lane that was empty announces itself, so that the loop visits only
+lanes with entries.
 
 Urgent lanes are emptied before and between the others, so an e-stop waits for one batch of
-commands at most, however many of them come. A full lane drops its oldest entry: the newest counts.
-The waking costs one eventfd: 1.29 times a bare callback on the way to the serial port, where
+commands at most. A full lane drops its oldest entry: the newest counts.
+Waking costs one eventfd: 1.29 times a bare callback on the way to the serial port, while
 ``call_soon_threadsafe`` takes 1.41.
 """
 
@@ -25,11 +25,11 @@ import msgspec
 import zenoh
 
 MAX_BYTES = 4096
-"""The most that payload and attachment may have together, unless said otherwise."""
+"""The most that payload and attachment may have together, by default."""
 
 
 def carried_bytes(carrier: zenoh.Sample | zenoh.Query) -> int:
-    """Bytes of payload and attachment: all of a sample that Zenoh does not bound itself.
+    """Bytes of payload and attachment: the parts of a sample that Zenoh does not bound itself.
 
     Its key matches ours, and the schema of its encoding has 255 bytes at most. A query has
     parameters besides, which only a copy would measure.
@@ -51,10 +51,10 @@ class LaneCounters(msgspec.Struct, kw_only=True):
     Attributes:
         received: Entries that arrived, refused ones included.
         delivered: Entries handed to the handler.
-        dropped: Entries lost because the lane was full; in a flood, at least so many.
+        dropped: Entries lost because the lane was full; in a flood, a lower bound.
         oversize: Entries with more bytes than allowed.
         batches: Calls of the handler.
-        floods: Times that so much came that samples were no longer taken one by one.
+        floods: Floods, in which samples were no longer taken one by one.
     """
 
     received: int = 0
@@ -69,12 +69,12 @@ class SampleLane(Generic[Item]):
     """A bounded queue from any thread to one handler on the loop.
 
     Args:
-        announce: Makes the loop look into the lane, which was empty; from any thread.
+        announce: Called when an entry comes into the empty lane; from any thread.
         handler: Called on the loop with the pending entries, oldest first, and with the number
             lost before them.
         depth: Entries kept, and the most handed over at once.
-        refuse: Given an entry that finds the lane full, which is then not taken (called in the
-            sender's thread); without it the oldest entry makes room.
+        refuse: Called with an entry that finds the lane full and is not taken (in the sender's
+            thread); without it the oldest entry is dropped.
     """
 
     def __init__(
@@ -126,7 +126,7 @@ class SampleLane(Generic[Item]):
             self.counters.oversize += 1
 
     def deliver(self) -> None:
-        """Hand over what is pending; on the loop."""
+        """Hand over the pending entries; on the loop."""
         with self._lock:
             if not self._entries:
                 return
@@ -183,7 +183,7 @@ class Inbox:
         return lane
 
     def remove(self, lane: SampleLane[Item]) -> list[Item]:
-        """Close a lane; returns what it had not delivered."""
+        """Close a lane; return its undelivered entries."""
         if lane in self._lanes:
             self._lanes.remove(lane)
         return lane.close()
@@ -205,7 +205,7 @@ class Inbox:
             os.close(self._fd)
 
     def wake(self) -> None:
-        """Have the loop look into the lanes that were announced; from any thread."""
+        """Have the loop look into the announced lanes; from any thread."""
         # Lanes are announced before this looks, and the loop forgets `_woken` before it looks at
         # the lanes: at worst it is woken once for nothing.
         if not self._woken and self._open:
@@ -213,7 +213,7 @@ class Inbox:
             os.eventfd_write(self._fd, 1)
 
     def _turn(self) -> None:
-        """Deliver each lane once; what comes meanwhile waits for the next turn."""
+        """Deliver each lane once; later entries wait for the next call."""
         os.eventfd_read(self._fd)
         self._woken = False
         if self._urgent:
@@ -233,7 +233,7 @@ class Inbox:
         try:
             lane.deliver()
         except Exception as error:  # noqa: BLE001 - the loop reports it as for any callback of its
-            # A lane whose handler fails must not keep the others from their turn.
+            # A lane whose handler fails must not block the others.
             self._loop.call_exception_handler(
                 {"message": "A handler of the bus failed", "exception": error}
             )

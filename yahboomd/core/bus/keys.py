@@ -1,10 +1,10 @@
 """The keys of the bus: one name for each, all below one optional namespace.
 
-yahboomd puts the namespace in front by itself. Zenoh has a namespace of its own for a session, but
-there liveliness tokens are not seen by those who watch for them below that namespace.
+yahboomd adds the namespace itself. Zenoh has a namespace of its own for a session, but clients that
+watch for liveliness tokens below that namespace do not see them.
 
-A key that begins with ``/`` is taken as it stands, outside the namespace: what ROS 2's middlewares
-prescribe (``/@ros2_lv/...``, ``/0/odom/...``) has its own rules for names.
+A key that begins with ``/`` is used as it is, outside the namespace: the keys of ROS 2's
+middlewares (``/@ros2_lv/...``, ``/0/odom/...``) have their own rules for names.
 """
 
 from __future__ import annotations
@@ -58,8 +58,8 @@ def full_key(namespace: str, key: str) -> str:
 def holder_key(key: str, zid: str) -> str:
     """The key of the token that distinguishes one holder of ``key`` from another.
 
-    Tokens of two sessions on one and the same key are one token to those who watch: the second is
-    not announced, and when one of the two ends, the end is announced though the other lives on.
+    A watcher sees tokens of two sessions on the same key as one: the second is not announced, and
+    when either ends, the end is announced although the other still lives.
     """
     return f"{key}/{zid}"
 

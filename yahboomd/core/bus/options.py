@@ -39,7 +39,7 @@ _TEXT_OR_COMMENT = re.compile(
     r""""(?:[^"\\]|\\.)*["\\]?|'(?:[^'\\]|\\.)*['\\]?|//[^\n\r\u2028\u2029]*|/\*.*?(?:\*/|\Z)""",
     re.DOTALL,
 )
-"""Of JSON5; one that does not end goes on to the end, so that it is looked for once."""
+"""Of JSON5; one without its end extends to the end of the text, so that the search is made once."""
 
 
 class BusOptions(msgspec.Struct, frozen=True, kw_only=True):
@@ -49,19 +49,18 @@ class BusOptions(msgspec.Struct, frozen=True, kw_only=True):
         mode: ``router`` serves clients and peers alike, and joins another router as a client does;
             two ``peer`` sessions that share a router but do not reach each other exchange nothing;
             a ``client`` alone cannot be opened without its router.
-        listen: Endpoints to be reached at. A client listens nowhere.
-        connect: Routers to join: the first that answers, where there are several (a peer joins
+        listen: Endpoints to listen on. A client listens nowhere.
+        connect: Routers to join: the first that answers, if there are several (a peer joins
             all). Tried for ever, never waited for (except by a client).
         namespace: Put in front of every key; empty for none.
-        config_file: A JSON5 file of Zenoh's for everything else; what it sets wins over what
+        config_file: A JSON5 file of Zenoh's for everything else; its settings win over those that
             :func:`zenoh_config` would choose.
         enforces: Whether the access control of ``config_file`` is enforced here. It is written for
-            what reaches the daemon: a tool that reads the same file would refuse what the daemon
-            tells it.
+            the messages to the daemon: a tool that reads the same file would refuse the daemon's.
         unix_socket: Path of a Unix socket to listen on as well; its folder must exist.
-        gossip: Whether a router tells its peers of each other; nodes of rmw_zenoh exchange nothing
-            without. The session itself connects to none of them.
-        lease_s: After so long without a sign of life the others take this session for gone.
+        gossip: Whether a router introduces its peers to each other; nodes of rmw_zenoh exchange
+            nothing without. The session itself connects to none of them.
+        lease_s: The silence after which the others take this session for gone.
         open_timeout_s: The longest wait for the session to open.
         close_timeout_s: The longest wait for it to close.
     """
@@ -101,8 +100,8 @@ def admitted(options: BusOptions, endpoint: str = "") -> str:
     """Describe who may use the bus through ``endpoint``, as a clause: "every user can drive".
 
     Args:
-        options: How the bus is; its file must be readable.
-        endpoint: Where the session listens; empty for a router that it joins.
+        options: Options of the bus; their file must be readable.
+        endpoint: The endpoint that is reached; empty for a router that the session joins.
     """
     config = _from_file(options.config_file, zenoh.Config())
 
@@ -123,7 +122,7 @@ def zenoh_config(options: BusOptions, *, uplink: bool = False) -> zenoh.Config:
     """Zenoh's configuration for these options, with the user's own file in it.
 
     Args:
-        uplink: For the session that joins another router, instead of the one that is reached.
+        uplink: For the session that joins another router, instead of the one that listens.
 
     Raises:
         BusError: The namespace or an endpoint is wrong, or the file cannot be read or used.
@@ -155,9 +154,9 @@ def _uplink(options: BusOptions) -> dict[str, Any]:
         "mode": "client",
         "listen/endpoints": [],
         "connect/endpoints": list(options.connect),
-        # One try: a client's open would otherwise keep its thread as long as no router is there.
+        # One try: otherwise a client's open would keep its thread until a router is there.
         "connect/timeout_ms": 0,
-        # Two sessions with one id would be one to the others.
+        # Others take two sessions with one id for one.
         "id": None,
     }
 
@@ -168,7 +167,7 @@ def _unless_set(options: BusOptions, *, uplink: bool) -> dict[str, Any]:
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": options.gossip and not client,
         "scouting/gossip/autoconnect": {"router": [], "peer": []},
-        # A router waits so long at open for what scouting may find: half a second by default.
+        # At open a router waits this long for results of scouting: half a second by default.
         "scouting/delay": 0,
         "open/return_conditions/connect_scouted": False,
         # Never waited for, tried for ever. A client is refused by Zenoh when its router is not
@@ -182,17 +181,17 @@ def _unless_set(options: BusOptions, *, uplink: bool) -> dict[str, Any]:
         },
         # A latched publisher's cache is kept by timestamps.
         "timestamping/enabled": True,
-        # Connections on which nothing is said, or not enough, hold a place so long (10 s by
-        # default), and beyond so many (100) each new one is closed at once: 150 silent ones locked
-        # everybody out.
+        # A connection without a complete handshake holds a place until this timeout (10 s by
+        # default), and beyond this number (100) each new one is closed at once: 150 silent ones
+        # locked everybody out.
         "transport/unicast/accept_timeout": 3000,
         "transport/unicast/accept_pending": 500,
         "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": max(1, round(options.lease_s * 1000)),
-        # A connection that takes nothing for so long is given up by what waits for it (5 s by
-        # default): meanwhile neither an event nor the closing of the session gets past it.
+        # A connection that takes nothing for this long is closed (5 s by default): until then it
+        # holds up events and the closing of the session.
         "transport/link/tx/queue/congestion_control/block/wait_before_close": 1_000_000,
-        # Zenoh would put together a message of one gigabyte for anyone who begins to send one.
+        # Zenoh would assemble a message of one gigabyte for anyone who begins to send one.
         "transport/link/rx/max_message_size": 16 * 1024 * 1024,
     }
 
@@ -259,7 +258,7 @@ def _unusable(path: Path, why: str) -> BusError:
 
 
 def _unparsable(text: str) -> str:
-    """Why Zenoh must not parse a text; empty where it may."""
+    """The reason why Zenoh must not parse a text; empty if it may."""
     if len(text.encode()) > _LARGEST_BYTES:
         return f"it is larger than {_LARGEST_BYTES} bytes, so not a configuration"
     depth = 0

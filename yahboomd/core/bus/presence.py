@@ -36,14 +36,14 @@ MOST_TOKENS = 256
 """Tokens that a watch keeps; more are counted. Any client may declare any number of them."""
 
 LONGEST_KEY = 512
-"""Characters of a token's key; a longer one is counted like one too many."""
+"""Characters of a token's key; a token with a longer one is only counted."""
 
 
 class TokenWatch:
     """Tokens that match a pattern. Made by ``Bus.watch_tokens``.
 
-    What is present is kept in Zenoh's threads, so that no change is lost on the way to the loop,
-    which compares it with what it reported last.
+    Zenoh's threads keep the present tokens, so that no change is lost on the way to the loop, which
+    compares them with its last report.
     """
 
     def __init__(
@@ -55,13 +55,13 @@ class TokenWatch:
         self._handler = handler
         self._lane: SampleLane[None] = inbox.lane(self._compare, depth=1)
         self._subscribers: list[zenoh.Subscriber[None]] = []
-        # A token is there as long as one session sees it.
+        # A token is present while any session sees it.
         self._present: dict[str, frozenset[int]] = {}
         self._reported = set[str]()
         self._lock = threading.Lock()
 
     def attach(self, session: zenoh.Session) -> None:
-        """Watch this session too; those that exist already come first."""
+        """Watch this session too; existing tokens come first."""
         index = len(self._subscribers)
 
         def changed(sample: zenoh.Sample) -> None:
@@ -76,7 +76,7 @@ class TokenWatch:
         )
 
     def note_token(self, key: str, session: int, *, present: bool) -> None:
-        """A session saw a token come or go; from any thread."""
+        """Note that a session saw a token come or go; from any thread."""
         with self._lock:
             seen = self._present.get(key, frozenset())
             if not present:
@@ -132,7 +132,7 @@ class Neighbours:
 
     def __init__(self) -> None:
         self._lane: SampleLane[Transported] | None = None
-        # One may be connected to both of our sessions, and is gone when it is connected to none.
+        # One may be connected to both of our sessions; it is gone when it is connected to none.
         self._present: dict[str, Neighbour] = {}
         self._seen_by: dict[str, set[int]] = {}
         self._sessions: list[zenoh.Session] = []
@@ -141,7 +141,7 @@ class Neighbours:
         self._stampers = frozenset[int]()
 
     def begin(self, inbox: Inbox) -> None:
-        """Have the events brought to the loop by ``inbox``."""
+        """Have ``inbox`` bring the events to the loop."""
         self._lane = inbox.lane(self._changed, depth=1024)
 
     def attach(self, session: zenoh.Session) -> None:
@@ -169,12 +169,12 @@ class Neighbours:
         return tuple(self._present.values())
 
     def sent_ns(self, timestamp: zenoh.Timestamp | None) -> int | None:
-        """The time at which the sender says it sent a sample, in Unix nanoseconds of its clock.
+        """The time at which the sender sent a sample, in Unix nanoseconds of its clock.
 
         Returns:
-            None where the sender said nothing. Whatever comes without a stamp is stamped by the
-            first session that stamps at all: by the nearest router, or by one of our own. Such a
-            stamp says when a sample came by, and a backlog that a stalled link lets go would look
+            None if the sender gave none. A sample without a stamp is stamped by the first session
+            that stamps at all: by the nearest router, or by one of our own. Such a stamp is the
+            time at which the sample passed, and a backlog behind a stalled link would look
             fresh. (A stamp over 500 ms ahead of our clock is replaced by one of ours, too.)
         """
         if timestamp is None or stamper(timestamp) in self._stampers:
@@ -190,7 +190,7 @@ class Neighbours:
                 watcher(changes)
 
     def _missed(self) -> list[Transported]:
-        """The changes that were lost, found by what is connected now."""
+        """The changes that were lost, found from the present connections."""
         missed = list[Transported]()
         for index, session in enumerate(self._sessions):
             now = {str(each.zid): str(each.whatami) for each in session.info.transports()}

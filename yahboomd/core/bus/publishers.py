@@ -1,7 +1,7 @@
 """Publishes samples: one publisher for each key, whose ``put`` neither blocks nor raises.
 
-Samples are dropped where a subscriber's connection is full: with congestion control BLOCK a
-subscriber that froze held the caller for five seconds.
+Samples are dropped if a subscriber's connection is full: with congestion control BLOCK a frozen
+subscriber held the caller for five seconds.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ DROP = zenoh.CongestionControl.DROP
 
 
 class PublisherCounters(msgspec.Struct, kw_only=True):
-    """Samples given to Zenoh, and those that were not taken."""
+    """Samples that Zenoh took, and those that it did not."""
 
     puts: int = 0
     errors: int = 0
@@ -50,7 +50,7 @@ class _Outlet:
     ) -> None:
         self.put: Callable[..., None] = publisher.put
         self._on_change = on_change
-        # Who comes later gets what a cache holds: there is always somebody to put it for.
+        # Late subscribers get the samples of a cache, so all of them are put.
         self.matching = True
         if isinstance(publisher, zenoh.Publisher):
             self._watch(publisher)
@@ -62,8 +62,8 @@ class _Outlet:
             self.matching = status.matching
             self._on_change()
 
-        # 2 us a look at the status, nothing for a listener; it tells changes only, so the state
-        # to begin with is asked for after it is there.
+        # Reading the status takes 2 us, a listener nothing; but it reports only changes, so the
+        # first state is read after it is declared.
         callback: Callable[[zenoh.MatchingStatus], None] = Callback(changed, indirect=False)
         publisher.declare_matching_listener(callback)
         # The stubs call this a bool, which is what it holds.
@@ -76,19 +76,19 @@ class BusPublisher:
 
     Args:
         key: The key in full.
-        encoding: What the samples are, such as ``application/json;pose``.
-        priority: Which samples go first when they queue; answers to queries go as ``data``, and a
-            sample of that priority would wait with them.
+        encoding: The encoding of the samples, such as ``application/json;pose``.
+        priority: The samples that go first when they queue; answers to queries go as ``data``, and
+            a sample of that priority would wait with them.
         express: Send each sample by itself, instead of in a batch with its neighbours. Of several
-            put at once some are lost then: a connection's queue holds two batches, and what finds
-            it full for a millisecond is dropped. Six samples at 50 Hz lost 0.5 % on an idle
-            machine and 10 % on a busy one; in batches they lost none, and came no later.
-        sender: Publishes in its thread; unless given, ``put`` does in the caller's.
+            put at once some are then lost: a connection's queue holds two batches, and a sample
+            that finds it full for a millisecond is dropped. Six samples at 50 Hz lost 0.5 % on an
+            idle machine and 10 % on a busy one; in batches they lost none, and came no later.
+        sender: Publishes in its thread; without it, ``put`` publishes in the caller's.
         cache: Samples kept for subscribers that come later (``tf_static``: 1); none for 0.
 
     Attributes:
-        has_subscribers: Whether any client subscribes: without one, encoding a sample is work for
-            nothing.
+        has_subscribers: Whether any client subscribes: without one, encoding a sample is wasted
+            work.
     """
 
     def __init__(
@@ -110,12 +110,12 @@ class BusPublisher:
         self._encoding = encoding
         self._priority = PRIORITIES[priority]
         self._express = express
-        # Sessions tell of changes in threads of their own.
+        # Sessions report changes in their own threads.
         self._changing = threading.Lock()
         self.has_subscribers = False
 
     def attach(self, session: zenoh.Session) -> None:
-        """Publish in this session too; what a cache holds is put there at once."""
+        """Publish in this session too; the samples of a cache are put there at once."""
         if not self._cache:
             publisher = session.declare_publisher(
                 self.key,
@@ -151,7 +151,7 @@ class BusPublisher:
         """Publish.
 
         Returns:
-            Whether the sample was taken. Zenoh may still drop it where a connection is full.
+            Whether the sample was taken. Zenoh may still drop it if a connection is full.
         """
         if self._cache:
             self._last.append((payload, attachment))
@@ -163,7 +163,7 @@ class BusPublisher:
         return taken
 
     def _lose(self, problem: object) -> None:
-        # A closed session fails 50 times a second, for ever: the first time tells it.
+        # A closed session fails 50 times a second, for ever: only the first time is logged.
         if self.counters.errors == 0:
             log.warning("Samples on %s are lost: %s", self.key, problem)
         self.counters.errors += 1

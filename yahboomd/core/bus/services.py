@@ -1,7 +1,7 @@
-"""Answers queries: each gets an answer, whatever becomes of its handler.
+"""Answers queries: each gets an answer, even if its handler fails.
 
 Handlers run on the loop. Answers are sent by a thread: an answer takes over the query's congestion
-control, which blocks where the asker's connection is full, and an asker that froze must not hold
+control, which blocks if the asker's connection is full, and a frozen asker must not hold
 the loop.
 """
 
@@ -24,13 +24,13 @@ from yahboomd.core.bus.inbox import Inbox, SampleLane, carried_bytes
 log = logging.getLogger(__name__)
 
 HEAD_BYTES = 16
-"""Enough of a request to see how it is encoded."""
+"""The bytes of a request that show its encoding."""
 
 _HEAD_OF_BYTES = 65_536
 """A larger payload is refused unread: it can only be copied whole."""
 
 TOO_MANY = "Too many requests at once."
-"""The reason of a refusal whose query was not looked at on the loop."""
+"""The reason of a refusal whose query did not reach the loop."""
 
 LATER = 64
 """Requests of one service whose answers are still awaited; each keeps its query."""
@@ -41,14 +41,14 @@ class BusQuery(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         key: The service's key, as it was declared.
-        selector: The key that was asked for; differs from the service's where it has wildcards.
+        selector: The key that was asked for; differs from the service's if it has wildcards.
         payload: Its bytes; empty for none.
-        encoding: What the asker says that they are; empty for none.
+        encoding: The encoding that the asker named; empty for none.
         arrived_ns: When it arrived here; monotonic nanoseconds.
-        oversize: Payload and attachment have more bytes than the service takes: both are empty.
-            Only an alarm's service sees such a request.
+        oversize: Payload and attachment exceed the limit of the service: both are empty. Only an
+            alarm's service sees such a request.
         harmless: It raises no alarm. Decided when it arrived; only an alarm's service asks.
-        head: The first bytes, of one that is oversize too: its answer is to be in its encoding.
+        head: The first bytes, even if it is oversize: its answer must have its encoding.
     """
 
     key: str
@@ -63,7 +63,7 @@ class BusQuery(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Response(msgspec.Struct, frozen=True, kw_only=True):
-    """An answer: its bytes, what they are, and an attachment where the protocol has one."""
+    """An answer: its bytes, their encoding, and an attachment if the protocol has one."""
 
     payload: bytes
     encoding: str = ""
@@ -99,7 +99,7 @@ class Pending(msgspec.Struct, frozen=True, kw_only=True):
     """A query on its way to the loop.
 
     Attributes:
-        query: The query; None where it was too large to be kept.
+        query: The query; None if it was too large to be kept.
         large: It holds one of the places of large queries, until it is answered.
     """
 
@@ -116,8 +116,8 @@ class Answering(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         answers: Sends answers.
         acknowledgements: Sends those to queries that raise an alarm: they wait for no other answer.
-        large: Places for queries that carry more than services take, or an unknown amount. A query
-            can only be answered while all that it carries is kept.
+        large: Places for queries of an oversize or unknown amount of data. A query can only be
+            answered while all its data is kept.
     """
 
     answers: Sender
@@ -131,10 +131,10 @@ class Service:
     Args:
         name: The key as declared, below the namespace.
         key: The key in full.
-        wildcards: Whether ``**`` may ask: else somebody who lists the network would reset the
-            odometry by it.
+        wildcards: Whether queries such as ``**`` reach it. Listing the network must not reset the
+            odometry.
         harmless: Makes it the service of an alarm: every query that names its key (``is_named``)
-            raises it but those whose payload this recognises. Decided as a query arrives, in
+            raises it, unless this recognises its payload. Decided as a query arrives, in
             Zenoh's thread.
     """
 
@@ -167,8 +167,8 @@ class Service:
         self._max_bytes = max_bytes
         self._complete = complete
         self._lane: SampleLane[Pending] = inbox.lane(self.handle, depth=pending, refuse=self.refuse)
-        # A query that finds this one full is refused, and raises the alarm all the same: so do
-        # those that fill it, and they are still to be delivered.
+        # A query that finds this lane full is refused. The queries in it still raise the alarm
+        # when they are delivered.
         self._alarms: SampleLane[Pending] = inbox.lane(
             self.handle, depth=pending, urgent=True, refuse=self.refuse
         )
@@ -195,7 +195,7 @@ class Service:
         self._answer(pending, self._instead(pending, reason))
 
     def close(self) -> tuple[asyncio.Task[None], ...]:
-        """Cancel what is under way; each is answered. Returns the tasks, to be waited for."""
+        """Cancel running requests; each is answered. Return their tasks, to be awaited."""
         for task in self._tasks:
             task.cancel()
         return tuple(self._tasks)
@@ -207,7 +207,7 @@ class Service:
             and self._reached_by(str(query.key_expr))
             and raises_alarm(query, self._harmless)
         )
-        # Parameters may be as long as a message can be, and only a copy would show how long.
+        # Parameters may be as long as a message, and only a copy would show their length.
         large = oversize or not query.parameters.is_empty()
         kept = not large or self._answering.large.acquire(blocking=False)
         return Pending(
@@ -272,8 +272,8 @@ class Service:
         self._answer(pending, self._instead(pending, reason))
 
     def _instead(self, pending: Pending, reason: str) -> Response:
-        # The reason goes back in the encoding of the request: a ROS 2 client that is sent anything
-        # else waits for ever.
+        # The reason has the encoding of the request: a ROS 2 client that gets any other waits for
+        # ever.
         return self._fallback(reason, _request(self.name, self.key, pending))
 
     def _answer(self, pending: Pending, response: Response) -> None:

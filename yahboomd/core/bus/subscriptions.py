@@ -1,11 +1,11 @@
 """Delivers samples: from a subscriber, through a lane of the inbox, to a handler on the loop.
 
-As a rule a callback puts each sample into the lane. That is the fastest way for one sample, and no
-way for a flood: Zenoh reads all connections in two threads, each sample costs a turn at Python's
-interpreter lock, and past some 50,000 a second (two cores) an e-stop of somebody else's waited
-300 ms behind them. So while more comes than any command source sends, the samples go into a ring of
-Zenoh's own, where the newest stay and no Python runs, and the loop takes from it at its own pace;
-the e-stop then took 4 ms.
+As a rule a callback puts each sample into the lane. That is the fastest way for one sample, but not
+for a flood: Zenoh reads all connections in two threads, each sample takes Python's interpreter lock
+once, and beyond some 50,000 a second (two cores) an e-stop of another client waited 300 ms behind
+them. So while more comes than any command source sends, the samples go into a ring of Zenoh's own,
+which keeps the newest and runs no Python, and the loop takes from it at its own pace; the e-stop
+then took 4 ms.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ log = logging.getLogger(__name__)
 
 FLOOD = 256
 """Samples within a window that make a flood: more than a stall of some seconds leaves behind at
-50 Hz, and a tenth of what a flood is made of."""
+50 Hz, and a tenth of a true flood."""
 
 WINDOW_NS = 100_000_000
 
 RING = 4
-"""Samples kept of a flood between two looks at it. Zenoh keeps them whole, whatever they carry: so
-few of them bound what a flood of the largest messages can hold."""
+"""Samples kept of a flood between two looks at it. Zenoh keeps them whole, so their small number
+bounds the memory that a flood of the largest messages can hold."""
 
 LOOK_S = 0.005
-"""Between two looks. A control period of 20 ms still finds the newest command."""
+"""The time between two looks. A control period of 20 ms still finds the newest command."""
 
 QUIET_LOOKS = 100
-"""The flood is over when so many looks in a row have found no full ring (less than 800 Hz)."""
+"""The flood is over after this many looks in a row without a full ring (less than 800 Hz)."""
 
 Received: TypeAlias = tuple[bytes | None, zenoh.Timestamp | None, bytes | None, int]
 """Payload, stamp and attachment of a sample, and when it arrived; no payload stands for one that
@@ -49,16 +49,16 @@ class Arrival(msgspec.Struct, frozen=True, kw_only=True):
     """A sample as it arrived.
 
     Attributes:
-        key: The key that was subscribed to, as the subscriber wrote it (below the namespace).
+        key: The key of the subscription, as the subscriber wrote it (below the namespace).
         payload: Its bytes. (The Encoding that the sender names is not trusted, and not read.)
-        stamp_ns: When it was sent, as the sender's Zenoh session says; Unix nanoseconds of *its*
+        stamp_ns: When it was sent, by the sender's Zenoh session; Unix nanoseconds of *its*
             clock. None if it had no stamp before it reached the nearest router or us.
         arrived_ns: When it arrived here; monotonic nanoseconds.
         dropped: Samples of this subscription lost since the arrival before this one, because more
             came than the loop took.
-        oversize: Payload and attachment have more bytes than the subscription takes; ``payload`` is
+        oversize: Payload and attachment exceed the limit of the subscription; ``payload`` is
             empty then. Only a subscription with ``keep_oversize`` sees such a sample at all.
-        attachment: The sender's attachment, where it has one.
+        attachment: The sender's attachment, if there is one.
     """
 
     key: str
@@ -139,7 +139,7 @@ class Subscription:
         return bool(self._rings)
 
     def close(self) -> None:
-        """End it; what has not been delivered is discarded."""
+        """End it; undelivered samples are discarded."""
         self._open = False
         if self._look is not None:
             self._look.cancel()
@@ -192,7 +192,7 @@ class Subscription:
             *(self.name, RING, LOOK_S * 1000),
         )
         self.counters.floods += 1
-        # In this order none is missed; one that comes both ways says the same twice.
+        # In this order none is missed; one that comes both ways is delivered twice.
         rings = [
             session.declare_subscriber(self.key, RingChannel(RING)) for session in self._sessions
         ]
@@ -215,11 +215,11 @@ class Subscription:
         else:
             self._look = asyncio.get_running_loop().call_later(LOOK_S, self._look_into_rings)
         for batch, taken in batches:
-            # A full ring does not count its losses: one at least.
+            # A full ring does not count its losses: there is at least one.
             self._deliver_drained(batch, lost=int(taken >= RING))
 
     def _gather(self) -> None:
-        """Deliver what has come; all subscriptions of a loop in one turn of it."""
+        """Deliver the gathered samples; all subscriptions of a loop at the same time."""
         loop = asyncio.get_running_loop()
         turn = math.floor(loop.time() / self._gather_s) + 1
         self._look = loop.call_at(turn * self._gather_s, self._gather)
@@ -235,9 +235,9 @@ class Subscription:
             )
 
     def _age_ns(self, stamp: zenoh.Timestamp | None, most_ns: int) -> int:
-        """How long ago a gathered sample came: it passed the nearest router then, if not earlier.
+        """How long ago a gathered sample came: the age of its stamp at the nearest router.
 
-        A stamp from long before the gathering began is that of another clock, or of a slow way.
+        A stamp from long before the gathering began is of another clock, or took a slow way.
         """
         if stamp is None:
             return 0

@@ -1,4 +1,4 @@
-"""A question to other sessions that is asked again and again, and never waits for its answers."""
+"""A query to other sessions that is repeated, and never waits for its answers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MOST_REPLIES = 64
 """Answers kept of a round; anybody may send any number of them."""
 
 LONGEST_REPLY = 16_384
-"""Bytes of an answer; longer ones are left out."""
+"""Bytes of an answer; longer ones are dropped."""
 
 ROUND_S = 2.0
 """The longest that a round takes."""

@@ -1,15 +1,15 @@
-"""Opening and closing Zenoh sessions: the uplink, errors in words, stuck connections.
+"""Opening and closing Zenoh sessions: the uplink, error messages, stuck connections.
 
-The uplink is the way to another router on the machine: a client session, opened when that is there.
+The uplink connects to another router on the machine: a client session, opened when that is there.
 yahboomd could join that router as a router, in one session. Measured with eclipse-zenoh 1.10.2,
 that does not hold: in one of some hundred starts and ends the tables that routers share broke, on
 either side and for good (a panic, or subscriptions that became known after ten seconds or never).
-As a client: never in 400. It also keeps what others say to each other out of the robot.
+As a client: never in 400. It also keeps the messages between others out of the robot.
 
-Closing: Zenoh says goodbye on each connection. Where the other side has frozen with its buffers
+Closing: Zenoh sends a goodbye on each connection. If the other side has frozen with its buffers
 full, that takes ten seconds and fails; and once it has begun, shutting the socket no longer helps.
-So the stuck connections are shut down first. All others are left to Zenoh, which sends what is
-pending.
+So the stuck connections are shut down first. All others are left to Zenoh, which sends their
+pending data.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def port_holder(port: int) -> str | None:
     """The process that listens on a TCP port of this machine, such as ``yahboomd (812)``.
 
     Returns:
-        None when none is found; without privileges, one of another user's is never found.
+        None if none is found; without privileges, a process of another user is never found.
     """
     inodes = set[str]()
     for table in ("/proc/net/tcp", "/proc/net/tcp6"):
@@ -133,13 +133,13 @@ def _short(text: str) -> str:
 
 
 UPLINK_RETRY_S = 0.5
-"""Between two tries. One without an answer costs 0.2 ms."""
+"""The time between two tries. One without an answer costs 0.2 ms."""
 
 
 async def open_uplink(options: BusOptions) -> zenoh.Session:
     """Open a session to the first router that answers; waits for one for ever.
 
-    Afterwards the session finds a router that went and came again by itself.
+    Afterwards the session itself reconnects to a router that restarted.
     """
     reported = False
     while True:
@@ -172,10 +172,10 @@ _ROUNDS = 5
 def hang_up_stuck(links: Callable[[], Iterable[tuple[str, str]]]) -> list[str]:
     """Shut down the connections on which bytes wait and nothing moves.
 
-    Returns at once where nothing waits, and within half a second in any case.
+    Returns at once if nothing waits, and within half a second in any case.
 
     Args:
-        links: Asks for the two ends of each connection that there is now, as Zenoh names them:
+        links: Returns the two ends of each present connection, as Zenoh names them:
             ``tcp/127.0.0.1:7448``.
 
     Returns:
@@ -184,8 +184,8 @@ def hang_up_stuck(links: Callable[[], Iterable[tuple[str, str]]]) -> list[str]:
     hung_up = list[str]()
     before = dict[tuple[str, str], int]()
     for _ in range(_ROUNDS):
-        # Zenoh takes a connection that was shut down off its list soon, and not before may the
-        # session be closed: closing would wait for it after all.
+        # Zenoh soon takes a connection that was shut down off its list. Only then may the session
+        # be closed: closing would wait for it after all.
         wanted = {(_address(near), _address(far)): far for near, far in links()}
         gone = not any(far in hung_up for far in wanted.values())
         waiting = {pair: unsent for pair, unsent in _unsent(wanted) if unsent}
@@ -194,7 +194,7 @@ def hang_up_stuck(links: Callable[[], Iterable[tuple[str, str]]]) -> list[str]:
         stuck = {pair for pair, unsent in waiting.items() if unsent >= before.get(pair, unsent + 1)}
         for connection, pair in _sockets(stuck):
             log.info("Hanging up on %s, which takes nothing any more", wanted[pair])
-            # The reading half alone: Zenoh takes it for the other side's end and gives up the
+            # The reading half alone: Zenoh takes it for the other side's end and closes the
             # connection in good order. With the writing half shut its two tasks fail at once, and
             # one time in four closing the session hung after all (eclipse-zenoh 1.10.2).
             with suppress(OSError):  # it went away meanwhile

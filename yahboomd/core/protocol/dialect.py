@@ -1,9 +1,9 @@
-"""The seam: what a board's bytes can mean, and what the rest of the house asks of a dialect.
+"""The interface of a board: the meanings of its bytes, and the operations of a dialect.
 
-A dialect is a pure value: it writes and reads bytes, it does no I/O and keeps no state. It owns
-everything that is particular to its board; the rest of the house knows this file alone.
+A dialect is a pure value: it writes and reads bytes, does no I/O and keeps no state. It owns
+everything that is particular to its board; the rest of yahboomd knows this file alone.
 
-A board that speaks otherwise is a folder with a :class:`Dialect`, and a row in
+A board with another protocol is a folder with a :class:`Dialect`, and a row in
 :mod:`yahboomd.core.protocol.registry`.
 """
 
@@ -27,7 +27,7 @@ Units: TypeAlias = tuple[int, ...]
 
 
 class Item(Protocol):
-    """Something whole that a framer found: a frame, or a line of text."""
+    """A complete frame or line of text that a framer found."""
 
     @property
     def size(self) -> int:
@@ -41,16 +41,16 @@ class Item(Protocol):
 class FramerCounters(msgspec.Struct, kw_only=True):
     """The counters of a framer.
 
-    Every byte is accounted for once: ``bytes`` is the sum of the sizes of all items,
-    ``blank_bytes``, ``discarded_bytes`` and what is held.
+    Every byte is counted once: ``bytes`` is the sum of the sizes of all items, ``blank_bytes``,
+    ``discarded_bytes`` and the held bytes.
 
     Attributes:
-        bytes: All that came in.
+        bytes: All received bytes.
         blank_bytes: Line ends behind frames, and empty lines.
-        discarded_bytes: Bytes that belonged to nothing whole.
-        broken_frames: Frames without their end, or with a checksum that is not theirs.
-        overlong: Frames or lines given up because they were longer than any true one.
-        bad_bytes: In a dialect of text, bytes that are none.
+        discarded_bytes: Bytes that belong to no complete item.
+        broken_frames: Frames without their end, or with a wrong checksum.
+        overlong: Frames or lines discarded because they were longer than any true one.
+        bad_bytes: In a dialect of text, bytes that are not text.
     """
 
     bytes: int = 0
@@ -64,20 +64,20 @@ class FramerCounters(msgspec.Struct, kw_only=True):
 
 
 class Framer(Protocol):
-    """Cuts what comes from a board into items; each connection has its own.
+    """Cuts received bytes into items; each connection has its own.
 
-    What comes out depends on the bytes, never on how they were cut into chunks, and no bytes
-    whatever raise or pile up.
+    The items depend on the bytes, not on how they were cut into chunks. No input raises, and the
+    buffer is bounded.
     """
 
     counters: FramerCounters
 
     @property
     def held_bytes(self) -> int:
-        """Bytes of what is not whole yet."""
+        """Bytes of an incomplete item."""
 
     def feed(self, data: bytes) -> Sequence[Item]:
-        """Take a chunk as it came from the port; return what it completes, in order."""
+        """Take a chunk as received; return the items that it completes, in order."""
 
 
 class Totals(msgspec.Struct, frozen=True, kw_only=True):
@@ -97,7 +97,7 @@ class Deltas(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Speeds(msgspec.Struct, frozen=True, kw_only=True):
-    """The rim speeds that the board itself believes."""
+    """The rim speeds that the board measures, by its own settings."""
 
     mm_s: FourFloats
 
@@ -123,7 +123,7 @@ class Reply(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         command: The command's name as it is sent, or ``""`` for a refusal that names none.
         ok: Whether it was accepted. A value that the board accepts may still be nonsense.
-        settings_follow: The stored settings come next, the firmware's version among them.
+        settings_follow: The stored settings follow, the firmware's version among them.
     """
 
     command: str
@@ -138,7 +138,7 @@ class Setting(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         name: The field of the dialect's table of settings that it fills.
         value: In the board's units.
-        last: The answer ends with it, whatever became of its other lines.
+        last: The answer ends with it, even if other lines were lost.
     """
 
     name: str
@@ -151,8 +151,8 @@ class VersionLine(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         version: Such as ``1.7.3``.
-        after_reset: Whether the board has just reset: its counters run from zero again. None where
-            the words do not tell; then it is a banner unless the settings were asked for.
+        after_reset: Whether the board has just reset: its counters run from zero again. None if
+            the words do not show it; then it is a banner unless the settings were asked for.
         last: The answer ends with it.
     """
 
@@ -162,22 +162,22 @@ class VersionLine(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class CommandLost(msgspec.Struct, frozen=True, kw_only=True):
-    """The board did not carry out a command: it does not know it, or it has lost it.
+    """The board did not execute a command: it does not know it, or it has lost it.
 
-    It says the same for both, and does not say which command; sending again tells.
+    The answer is the same for both, and does not name the command; sending again shows which.
     """
 
     text: str
 
 
 class Unused(msgspec.Struct, frozen=True, kw_only=True):
-    """Something whole that yahboomd knows and makes no use of."""
+    """A complete item that yahboomd knows and does not use."""
 
     text: str
 
 
 class Unrecognised(msgspec.Struct, frozen=True, kw_only=True):
-    """Something whole that means nothing in this dialect: corrupted, or new to us."""
+    """A complete item without a meaning in this dialect: corrupted, or new to us."""
 
     text: str
 
@@ -195,7 +195,7 @@ Decoded: TypeAlias = (
     | Unused
     | Unrecognised
 )
-"""All that a frame or a line can mean."""
+"""All meanings of a frame or a line."""
 
 
 class Motion(Protocol):
@@ -206,14 +206,14 @@ class Motion(Protocol):
         """The fastest that each wheel of the geometry can be commanded to turn, m/s."""
 
     def units(self, speeds: Sequence[float]) -> Units:
-        """The motion that turns the wheels of the geometry so fast, in the board's units.
+        """Convert the speeds of the geometry's wheels to the board's units.
 
         Args:
             speeds: Rim speed of each wheel, m/s.
 
         Raises:
-            ValueError: A speed is not a finite number. Nothing that the bus can send leads here; a
-                mistake in the program must end in a stop, not in a number that the board misreads.
+            ValueError: A speed is not a finite number. No message of the bus leads here; a mistake
+                in the program must end in a stop, not in a number that the board misreads.
         """
 
 
@@ -223,7 +223,7 @@ class Findings(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         unfit: Why its wheels must not turn, with the remedy.
         wrong: What keeps it from driving well, with the remedy.
-        advice: What else is worth knowing.
+        advice: Other hints.
     """
 
     unfit: tuple[str, ...] = ()
@@ -240,7 +240,7 @@ class Dialect(msgspec.Struct, frozen=True, kw_only=True):
     title: str
     """The name under which the board is sold."""
 
-    # Bytes and what they mean.
+    # Bytes and their meaning.
 
     resync: bytes
     """Brings the *board's* parser back to the start of a frame from any state.
@@ -266,7 +266,7 @@ class Dialect(msgspec.Struct, frozen=True, kw_only=True):
     """Vendor and product of its USB chip, as lsusb shows them, the likeliest first."""
 
     listen_ns: int = 0
-    """How long to wait for a board that reports unasked before asking any; 0: not at all."""
+    """How long to listen for a board that reports unasked before asking any; 0 for not at all."""
 
     starts_within_s: float = 0.0
     """The silence after it was switched on or reset; 0 for a moment."""
@@ -274,28 +274,28 @@ class Dialect(msgspec.Struct, frozen=True, kw_only=True):
     probe: bytes | None = None
     """A question that only a board of this dialect answers with sense, and that harms none.
 
-    None where listening is enough.
+    None if listening is enough.
     """
 
     def silence(self, volts: float | None, settings: BoardSettings) -> str:  # noqa: ARG002
         """The reason why a board that reports unasked only answers, and the remedy.
 
         Args:
-            volts: The supply of its motors, where it answered with that.
+            volts: The supply of its motors, if it answered with that.
             settings: The stored values that it answered with.
         """
         return ""
 
-    # What the line bears.
+    # Timing on the line.
 
     spacing_ns: int
-    """The least gap from frame to frame behind a command that gets no answer."""
+    """The least gap from frame to frame after a command that gets no answer."""
 
     totals_spacing_ns: int
-    """The same gap, enough while the board sends its totals alone, or nothing."""
+    """The same gap while the board sends only its totals, or nothing."""
 
     question_spacing_ns: int
-    """The gap from a question to a motion, where no answer came before."""
+    """The gap from a question to a motion, unless an answer came before."""
 
     answer_spacing_ns: int
     """The gap from the end of an answer to the next frame."""
@@ -306,14 +306,14 @@ class Dialect(msgspec.Struct, frozen=True, kw_only=True):
     # Stopping.
 
     brake: bytes
-    """Speed zero: the board brakes, and may hold. No proof against a runaway wheel."""
+    """Speed zero: the board brakes, and may hold. It may not stop a runaway wheel."""
 
     cut: bytes | None = None
-    """Power off, whatever the speed loop does: the wheels coast. None where there is none."""
+    """Power off, independent of the speed loop: the wheels coast. None if it has none."""
 
     @property
     def surest_stop(self) -> bytes:
-        """The stop that ends every motion, whatever the board stores and does."""
+        """The stop that ends every motion, in any state of the board."""
         return self.cut or self.brake
 
     # The counters.
@@ -325,30 +325,30 @@ class Dialect(msgspec.Struct, frozen=True, kw_only=True):
     """The counters are new with each line, which comes by itself every ``sample_period_ns``."""
 
     age_ns: int = 0
-    """How old they may be when such a line leaves; 0 where they are read for it."""
+    """How old they may be when such a line leaves; 0 if they are read for it."""
 
     poll: bytes | None = None
-    """Asks for the counters once; None where they come by themselves."""
+    """Asks for the counters once; None if they come by themselves."""
 
     poll_bytes: int = 0
-    """Bytes on the wire of a poll, its answer and a command; 0 where nothing is asked."""
+    """Bytes on the wire of a poll, its answer and a command; 0 if nothing is asked."""
 
     arm: tuple[bytes, ...] = ()
-    """Makes the board hand out its counters; lost with its reset. May be nothing.
+    """Makes the board send its counters; lost with its reset. May be empty.
 
-    Each frame as often as it is to be sent.
+    Each frame is listed as often as it is to be sent.
     """
 
     disarm: tuple[bytes, ...] = ()
     """Undoes ``arm``."""
 
-    # The supply, and what is stored.
+    # The supply, and the stored settings.
 
     battery: bytes | None = None
-    """Asks for the voltage; None where the board does not report it, or reports it unasked."""
+    """Asks for the voltage; None if the board does not report it, or reports it unasked."""
 
     read_settings: tuple[bytes, ...] = ()
-    """Ask for the stored settings, one question after another; none where none are stored."""
+    """The questions for the stored settings, in order; empty if none are stored."""
 
     settings: tuple[StoredSetting, ...] = ()
     """The table of the stored settings, in the order in which they are written."""
@@ -373,11 +373,11 @@ class Dialect(msgspec.Struct, frozen=True, kw_only=True):
         """The commands with which this board turns these wheels.
 
         Args:
-            settings: What the board stores; None where it stores nothing.
+            settings: The stored settings; None if the board stores nothing.
             scale: The calibration multiplier of commands.
 
         Raises:
-            BoardError: The stored settings leave unknown how fast it would turn them.
+            BoardError: The stored settings do not determine the speed of the wheels.
         """
 
     @abstractmethod
@@ -385,23 +385,23 @@ class Dialect(msgspec.Struct, frozen=True, kw_only=True):
         """Command a motion.
 
         Args:
-            units: As :class:`Motion` gives them; clamped to what the board takes.
+            units: The result of :meth:`Motion.units`; clamped to the board's range.
         """
 
     loop_ns: int = 0
-    """The period of the board's speed loops; 0 where nothing is known of them."""
+    """The period of the board's speed loops; 0 if unknown."""
 
     most_output: int = 0
-    """The largest of :meth:`outputs`; 0 where motors cannot be driven without regulation."""
+    """The largest of :meth:`outputs`; 0 if motors cannot be driven without regulation."""
 
     def outputs(self, outputs: Units, settings: BoardSettings) -> bytes:  # noqa: ARG002
-        """Drive the motors without regulation: they turn though no encoder works.
+        """Drive the motors without regulation: they turn even if no encoder works.
 
-        The board adds its dead zone to each, so an output up to there is none.
+        The board adds its dead zone to each, so an output up to there is zero.
 
         Args:
             outputs: One for each position, in the unit of the dead zone; clamped.
-            settings: What the board stores.
+            settings: The stored settings.
         """
         return b""
 

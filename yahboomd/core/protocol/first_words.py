@@ -8,7 +8,7 @@ FIRST_WORDS = {
     "polled": b"$speed:0,0,0,0#",
     "rosmaster": b"\0" * 20 + b"\xff\xfc\x0a\x12\x01\0\0\0\0\0\0\x1d",
 }
-"""For each dialect a resync and its surest stop; what a board does not know does no harm."""
+"""For each dialect a resync and its surest stop; unknown frames do a board no harm."""
 
 SPACING_S = 0.020
-"""Between the two: a board may refuse what comes sooner."""
+"""Between the two: a board may refuse a frame that comes sooner."""

@@ -28,8 +28,8 @@ class PerMotor(msgspec.Struct, frozen=True, kw_only=True):
     def units(self, speeds: Sequence[float]) -> Counts:
         """Whole units for the four positions, with each motor's sign; unused positions 0.
 
-        Rounded to the nearest unit. The board's range is not this function's: wheels are
-        desaturated before, and the dialect clamps.
+        Rounded to the nearest unit. Not limited to the board's range: wheels are desaturated
+        before, and the dialect clamps.
         """
         commands = [0] * CHANNELS
         for motor, units in zip(self.motors, self.units_per_m_s, strict=True):

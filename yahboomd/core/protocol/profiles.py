@@ -22,7 +22,7 @@ class MotorProfile(msgspec.Struct, frozen=True, kw_only=True):
     """A motor with its gear and wheel, as built.
 
     Attributes:
-        stored: What else a board of theirs should store; what is missing stays as it is.
+        stored: Other settings that their board should store; missing ones stay as they are.
         lines: Encoder lines of one turn of the motor.
         ratio: The true gear ratio, decimals included.
     """
@@ -62,7 +62,7 @@ _MOTORS: Final[tuple[tuple[str, BoardSettings, int, float, float], ...]] = (
     ("520-1:19", {"motor_type": 1, "deadzone": 1900}, 11, 19.0, 67.0),
     ("520-1:56", {"motor_type": 1, "deadzone": 1900}, 11, 56.0, 67.0),
     ("l520", {"motor_type": 1, "deadzone": 1900}, 11, 40.0, 67.0),
-    # Sold as 1:20, and 20 is what the board can store.
+    # Sold as 1:20, and the board can store only 20.
     ("310", {"motor_type": 2, "deadzone": 1600}, 13, 20.409, 48.0),
     ("tt", {"motor_type": 3, "deadzone": 1250}, 13, 45.0, 68.0),
     # Whole cars, as their board's firmware has them.
@@ -83,7 +83,7 @@ PROFILES: Final[dict[str, MotorProfile]] = {
     )
     for name, stored, lines, ratio, wheel_diameter_mm in _MOTORS
 }
-"""The vendor's motors by name. The TT motor without encoder is none of them: no odometry."""
+"""The vendor's motors by name. The TT motor without encoder is missing: it gives no odometry."""
 
 
 def alike(profile: MotorProfile) -> tuple[MotorProfile, ...]:

@@ -1,4 +1,4 @@
-"""The dialects by name, and what can be sent to a board before its dialect is known."""
+"""The dialects by name, and the frames for a board whose dialect is not known yet."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ DIALECTS: Final[dict[str, Dialect]] = {
 def connect_stop() -> tuple[tuple[bytes, bytes], ...]:
     """For each dialect its resync and its surest stop, to be sent one after the other on any port.
 
-    After a crash the wheels may still turn, whichever board it is. :func:`connect_spacing_ns`
-    apart. A resync that the dialect before has already sent is left out.
+    After a crash the wheels may still turn, on any board. They are :func:`connect_spacing_ns`
+    apart. A resync is omitted if the dialect before has the same.
     """
     words = []
     before = b""
@@ -42,14 +42,14 @@ def usb_ids() -> tuple[str, ...]:
 
 
 def identify(heard: Iterable[tuple[str, Item]]) -> str | None:
-    """Identify the dialect of a board by what it has sent.
+    """Identify the dialect of a board by the items that it sent.
 
-    What has no meaning in any dialect, such as the chatter of another device or half a frame,
-    means nothing.
+    Items without a meaning in any dialect, such as the chatter of another device or half a frame,
+    do not count.
 
     Args:
-        heard: All that came in since the first question, with the name of the dialect whose framer
-            found it.
+        heard: All items since the first question, with the name of the dialect whose framer found
+            each.
 
     Returns:
         A name in :data:`DIALECTS`, or None.

@@ -17,20 +17,20 @@ SettingValue: TypeAlias = int | float | str | tuple[float, float, float]
 
 BoardSettings: TypeAlias = dict[str, SettingValue]
 """Values by the field of their row in the dialect's table, and ``version``, the firmware's, which
-cannot be written. One that is missing is not known, or not wanted; NaN is what a board shows that
-lost it. Never changed in place."""
+cannot be written. A missing value is unknown, or not wanted; a board shows NaN for a value that it
+lost. Never changed in place."""
 
 VERSION = "version"
 
 
 class SettingWrite(msgspec.Struct, frozen=True, kw_only=True):
-    """One stored value to write, and how to know that it was taken.
+    """One stored value to write, and the board's confirmation of it.
 
     Attributes:
-        frame: What to send, alone on the line, with the wheels at rest.
+        frame: The frame to send, alone on the line, with the wheels at rest.
         text: The same, to show.
         reply_to: The ``command`` of the :class:`Reply` that answers it.
-        timeout_s: How long to wait; the board is deaf while it writes its flash.
+        timeout_s: The longest wait; the board is deaf while it writes its flash.
         resets: The board restarts once the value is stored, and may give no reply: then the
             :class:`VersionLine` of its banner is the answer. Streams are off afterwards.
     """
@@ -48,20 +48,20 @@ class StoredSetting(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         field: Its key in :data:`BoardSettings`, in the board's facts and in the configuration.
         command: The command that stores it, as the board's answer names it.
-        label: What it is, in words.
-        unit: Behind its value, where it is shown.
-        least: Below it a value must not be stored; where it has several numbers, each.
-        most: The same above it.
+        label: Its name for people.
+        unit: Its unit, shown behind its value.
+        least: The least value that may be stored; for several numbers, the least of each.
+        most: The largest, likewise.
         limits: Both, in words.
-        wire: The value as the board prints it: two differ where these do.
-        frame: The frame that stores what ``wire`` says.
-        shown: The value for people; ``wire`` would do where this is None.
-        parts: The names of its numbers in the board's facts, where it has several.
-        steers: The speed of the wheels depends on it: believed when it was read twice, or is the
-            expected one, since an answer may have lost a digit.
-        timeout_s: How long storing takes at most.
+        wire: The value as the board prints it: two values differ if these do.
+        frame: The frame that stores the text of ``wire``.
+        shown: The value for people; None if ``wire`` will do.
+        parts: The names of its numbers in the board's facts, if it has several.
+        steers: The speed of the wheels depends on it. It is believed when it was read twice, or is
+            the expected one, because an answer may have lost a digit.
+        timeout_s: The longest time that storing takes.
         resets: The board restarts once it is stored.
-        option: The help of its option of `yahboomd probe`, where no profile of motors has it.
+        option: The help of its option of `yahboomd probe`, if no profile of motors has it.
     """
 
     field: str
@@ -125,8 +125,8 @@ def writes(
     """The writes that turn one set of stored values into another, in the order of the table.
 
     Args:
-        have: What the board shows. A value that it did not show is not written.
-        want: What it should store; a value that is missing is left alone.
+        have: The values that the board shows; others are not written.
+        want: The values that it should store; others are left alone.
 
     Returns:
         One write for each value that differs, as far as the board can show it.
@@ -167,5 +167,5 @@ def useless_gains(settings: BoardSettings) -> Iterator[str]:
         return
     yield (
         f"{found}: no wheel would ever turn. Store the vendor's with `yahboomd probe --write --pid "
-        "0.8,0.06,0.5`; after a tuning, what was before with `yahboomd tune --undo`."
+        "0.8,0.06,0.5`; after a tuning, restore the gains before it with `yahboomd tune --undo`."
     )

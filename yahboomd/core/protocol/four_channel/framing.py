@@ -1,20 +1,20 @@
 """Cuts bytes into frames and text lines.
 
-The law: what comes out depends on the bytes, never on how they were cut into chunks, and no bytes
-whatever raise or pile up.
+The law: the items depend on the bytes, not on how they were cut into chunks. No input raises, and
+the buffer is bounded.
 
 The board sends two kinds of things on one wire: frames, ``$name:args#``, and bare text lines such
 as ``Set mtype:OK!``, ended by CR LF. Three bytes steer the framer, wherever they come:
 
-- ``$`` starts a frame. What was held before it, half a frame or half a line, is discarded: a new
+- ``$`` starts a frame. Held bytes before it, half a frame or half a line, are discarded: a new
   start is the surest sign that the old one lost its end, and the new frame is worth more.
-- ``#`` ends a frame, at once: a line end behind it is not waited for (one dialect promises none).
-  Without a ``$`` before it, it ends the tail of a frame whose head was lost; both go.
+- ``#`` ends a frame at once, without waiting for a line end (one dialect promises none).
+  Without a ``$`` before it, it ends the tail of a frame whose head was lost; both are discarded.
 - LF ends everything. Held text becomes a line. Half a frame becomes a line as well, ``$``
-  included: a board that resets while it sends glues its start-up banner to the half frame, and
-  that notice must not be lost. It cannot be mistaken for an answer, since none starts with ``$``.
+  included: a board that resets while it sends appends its start-up banner to the half frame, and
+  that notice must not be lost. It cannot be mistaken for an answer: none starts with ``$``.
 
-Here bytes become text, which people read on terminals and in logs: control characters, with which
+Here bytes become text that people read on terminals and in logs: control characters, with which
 a board could command a terminal, are replaced like bytes that are not ASCII.
 """
 
@@ -45,7 +45,7 @@ _WHOLE = re.compile(rb"\$([^$#\n]*)#(\r\n)?")
 _DOLLAR: Final = ord("$")
 _HASH: Final = ord("#")
 _PLAIN: Final = bytes(range(0x20, 0x7F)) + b"\t\r\n"
-# What is no text becomes no ASCII, so that decoding replaces it.
+# Map control bytes to 0xFF, which decoding replaces.
 _READABLE: Final = bytes(
     byte if byte in _PLAIN and byte not in b"\r\n" else 0xFF for byte in range(256)
 )
@@ -55,8 +55,8 @@ class Frame(msgspec.Struct, frozen=True, kw_only=True):
     """A whole frame, ``$name:args#``.
 
     Attributes:
-        name: What stands before the first colon, or all of it where there is none.
-        args: What stands behind the first colon. Bytes that are neither printable ASCII nor tab
+        name: The text before the first colon, or all of it if there is none.
+        args: The text behind the first colon. Bytes that are neither printable ASCII nor tab
             appear as U+FFFD.
         size: Bytes on the wire from ``$`` to ``#``, both included.
         trailing: Bytes of the same chunk behind the ``#``: they arrived later.
@@ -87,7 +87,7 @@ Item: TypeAlias = Frame | TextLine
 
 
 class LineFramer:
-    """Cuts what comes from the board into frames and text lines.
+    """Cuts received bytes into frames and text lines.
 
     It holds at most :data:`MAX_HELD_BYTES` bytes, and never raises.
     """
@@ -104,7 +104,7 @@ class LineFramer:
         return len(self._held)
 
     def feed(self, data: bytes) -> list[Frame | TextLine]:
-        """Take a chunk as it came from the port; return what it completes, in order."""
+        """Take a chunk as received; return the items that it completes, in order."""
         counters = self.counters
         counters.bytes += len(data)
         counters.bad_bytes += len(data.translate(None, _PLAIN))
@@ -113,7 +113,7 @@ class LineFramer:
             self._hold(data)
             return items
         if self._held:
-            # How bytes were cut into chunks makes no difference.
+            # A chunk may end anywhere.
             data = bytes(self._held) + data
             self._held.clear()
         start = 0
@@ -132,8 +132,8 @@ class LineFramer:
     def _whole_frames(self, data: bytes, items: list[Frame | TextLine]) -> int:
         """Take the whole frames at the beginning, with their line ends; return where they end.
 
-        It comes to the same as going from one steering byte to the next, at a third of the cost,
-        and is nearly all that a board sends.
+        The result is the same as from steering byte to steering byte, at a third of the cost, for
+        nearly all that a board sends.
         """
         start = 0
         while (match := _WHOLE.match(data, start)) is not None:

@@ -1,7 +1,7 @@
 """The dialect ``polled``: the board as the article describes it.
 
 That is "Building a ROS 2 Hardware Bridge for Yahboom 520 Motor Drivers", where this project comes
-from. Counters are asked for; nothing is stored; there is no way to cut the power, only speed zero.
+from. Counters must be requested; nothing is stored; the power cannot be cut, only speed zero sent.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from yahboomd.core.protocol.settings import BoardSettings
 MAX_SPEED: Final = 1000
 
 ARM_REPEATS: Final = 3
-"""A command without an answer, which a noisy line may lose, is sent so often."""
+"""A command without an answer may get lost on a noisy line; it is sent this often."""
 
 _FRAMES: Final[Meanings] = {"data": totals}
 _BRAKE: Final = command("speed", (0, 0, 0, 0), MAX_SPEED)
@@ -55,7 +55,7 @@ class Polled(Dialect, frozen=True, kw_only=True):
     poll: bytes | None = b"$read#"
     # With an answer of 30 bytes and a speed frame of 21.
     poll_bytes: int = 57
-    # A 520. If it is lost, nothing shows it but wheels that do not turn.
+    # A 520. If it is lost, only wheels that do not turn show it.
     arm: tuple[bytes, ...] = (b"$mtype:1#",) * ARM_REPEATS
 
     def framer(self) -> LineFramer:
@@ -66,7 +66,7 @@ class Polled(Dialect, frozen=True, kw_only=True):
         return command("speed", units, MAX_SPEED)
 
     def decode(self, item: Frame | TextLine) -> Decoded:
-        """The counters; text as the other dialect has it, so that a wrong choice shows."""
+        """Decode the counters, and text as in the other dialect, so that a wrong choice shows."""
         return decode_item(item, _FRAMES)
 
     def recognises(self, item: Frame | TextLine) -> bool:

@@ -1,7 +1,7 @@
 """The settings that the 4-channel motor driver stores, and their meaning for its wheels.
 
-The board counts in what its settings make it believe: the command unit of ``$spd`` is a millimetre
-per second *if* lines, ratio and diameter are true.
+The board converts by its settings: the command unit of ``$spd`` is a millimetre per second *if*
+lines, ratio and diameter are true.
 """
 
 from __future__ import annotations
@@ -35,17 +35,17 @@ MAILBOX_NS: Final = 20_000_000
 before: the board has answered by then (isolated commands at this distance: none lost)."""
 
 AFTER_ANSWER_NS: Final = 2_000_000
-"""The board wipes its mailbox when it is through with answering, a moment after the last byte."""
+"""The board clears its mailbox after an answer, a moment after the last byte."""
 
 UNITS_PER_M_S: Final = 1000.0
-"""Command units of one metre per second where the board's own idea of the wheel is right, and in
-the article's dialect always."""
+"""Command units of one metre per second if the board's settings fit the wheel, and in the article's
+dialect always."""
 
 MOTOR_TYPES: Final = {1: "520", 2: "310", 3: "TT with encoder", 4: "TT, no encoder"}
 """The stored motor types, by number."""
 
 _STORE_S: Final = 0.4
-"""A changed value takes 65 to 116 ms, deaf for most of it; a tight wait loses answers."""
+"""Storing a value takes 65 to 116 ms, deaf for most of it; a tight wait loses answers."""
 
 _RESET_S: Final = 1.0
 """New gains take up to 350 ms, with a restart."""
@@ -53,7 +53,7 @@ _RESET_S: Final = 1.0
 _REMEDY: Final = "Run `yahboomd probe --write` to store the profile."
 
 
-# Two values differ when they differ as the board prints them: whole, or with three decimals.
+# Two values differ if the board prints them differently: whole, or with three decimals.
 
 
 def _whole(value: SettingValue) -> str:
@@ -170,7 +170,7 @@ TABLE: Final = (
 def findings(settings: BoardSettings, profile: MotorProfile) -> Findings:
     """The meaning of the stored settings for these motors.
 
-    Lines, ratio and diameter that merely differ from the profile are no problem, since
+    Lines, ratio and diameter that merely differ from the profile are no problem, because
     :func:`units_per_m_s` corrects for them; zeros and a wrong type make wheels run away.
     """
     return Findings(
@@ -212,7 +212,7 @@ def _other_profiles(settings: BoardSettings, profile: MotorProfile) -> Iterator[
     for name, other in PROFILES.items():
         if stored == (other.stored.get("motor_type"), other.lines, round(other.ratio)):
             yield (
-                f"What the board stores fits the profile {name}: if those are the motors, do not "
+                f"The board's settings fit the profile {name}: if those are the motors, do not "
                 f'store anything, but set board.profile = "{name}".'
             )
 
@@ -231,7 +231,7 @@ def units_per_m_s(
     ones. Equal counts give U.
 
     Args:
-        settings: What the board stores; None where it stores nothing (the article's dialect).
+        settings: The stored settings; None if the board stores nothing (the article's dialect).
         radius_m: The wheel's true radius.
         ticks_per_revolution: The wheel's true counts per turn.
         scale: The calibration multiplier of commands.

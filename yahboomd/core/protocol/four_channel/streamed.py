@@ -1,7 +1,7 @@
-"""The dialect ``streamed``: what every board seen in the wild speaks (firmware 1.5.5 to 1.7.3).
+"""The dialect ``streamed``, which every known board speaks (firmware 1.5.5 to 1.7.3).
 
 Counters are a stream that is switched on; answers are text lines; settings live in flash. The
-command table and the firmware's habits are in ``docs/protocol.md``.
+command table and the firmware's behaviour are in ``docs/protocol.md``.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ class Streamed(Dialect, frozen=True, kw_only=True):
         return LineFramer()
 
     def speeds(self, units: Units) -> bytes:
-        """Closed loop, in mm/s as the board believes: -1000..1000."""
+        """Closed loop, in mm/s by the board's settings: -1000..1000."""
         return command("spd", units, MAX_SPEED)
 
     def outputs(self, outputs: Units, settings: BoardSettings) -> bytes:

@@ -1,7 +1,7 @@
 """The board's bare text lines. The law: a whole line or nothing, save for the banner of a reset.
 
-Only the version is looked for anywhere in a line: a software reset cuts the line end of
-``Reset MCU`` off, and a reset in the middle of sending glues the banner to what came before.
+Only the version is searched anywhere in a line: a software reset cuts off the line end of
+``Reset MCU``, and a reset in the middle of sending appends the banner to the bytes before it.
 Every other line must match from end to end, because on a wire without a checksum a piece of an
 answer can look like another answer.
 """
@@ -28,7 +28,7 @@ from yahboomd.core.protocol.settings import SettingValue
 VERSION_LABEL: Final = "Motor_Version:"
 RESET_NOTICE: Final = "Reset MCU"
 
-# Which command it was is not said. A frame is too long only when two have run together, so this
+# The answer does not name the command. A frame is too long only when two have run together, so this
 # too means that a command was lost.
 _LOST: Final = frozenset({"fail,Command not found!", "fail,command is long!"})
 _TYPE_REFUSED: Final = "fail,type error!"
@@ -58,7 +58,7 @@ _PID = re.compile(r"P:(\S+)\s+I:(\S+)\s+D:(\S+)")
 
 
 Meanings: TypeAlias = Mapping[str, Callable[[str], Decoded | None]]
-"""For each frame of a dialect what its arguments mean, or None where they mean nothing."""
+"""For each frame of a dialect the meaning of its arguments, or None if they have none."""
 
 
 def decode_item(item: Frame | TextLine, frames: Meanings) -> Decoded:

@@ -1,8 +1,8 @@
 """The cars that the board knows, and how each turns a velocity of the body into wheel speeds.
 
 The board takes vx, vy and wz and divides them among its motors by the car type that it stores. So
-the wheel speeds that yahboomd wants are taken back to such a velocity, by the same law. Wheels that
-this law cannot turn as wanted are refused: they would roll another way than commanded.
+the wanted wheel speeds are converted back to such a velocity, by the same law. Wheels that this law
+cannot turn as wanted are refused: they would roll differently than commanded.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Row: TypeAlias = tuple[float, float, float]
 """The factors of vx, vy (mm/s) and wz (rad/s) in a motor's speed (mm/s)."""
 
 MISFIT: Final = 0.05
-"""As a share of the fastest wheel: wheels of slightly different radii are no other geometry."""
+"""A share of the fastest wheel: wheels of slightly different radii are still the same geometry."""
 
 
 STEERS_DEG: Final = 45
@@ -32,11 +32,11 @@ class Car(msgspec.Struct, frozen=True):
     """A car type.
 
     Attributes:
-        name: What it is sold as.
-        turn_mm: What the board takes one turn of a wheel for.
-        turn_counts: Counts of one turn, as the board has it.
-        motors: For each motor that it drives, by position, its law.
-        fastest_mm_s: Each motor alone is clamped there.
+        name: The name under which it is sold.
+        turn_mm: The travel of one turn of a wheel, by the board.
+        turn_counts: Counts of one turn, by the board.
+        motors: The law of each motor that it drives, by position.
+        fastest_mm_s: The limit of each single motor.
         wheelbase_mm: From axle to axle, of a car that steers; None for the others.
     """
 
@@ -87,7 +87,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
     wheel_limits: tuple[float, ...]
 
     def units(self, speeds: Sequence[float]) -> Units:
-        """The velocity of the body, in mm/s and mrad/s, that turns the wheels so."""
+        """The velocity of the body, in mm/s and mrad/s, that turns the wheels at these speeds."""
         if not all(map(math.isfinite, speeds)):
             raise ValueError(f"The command is {speeds}.")
         return tuple(
@@ -123,10 +123,10 @@ class Steered(msgspec.Struct, frozen=True, kw_only=True):
 def steered(
     car: Car, kinematics: Kinematics, motors: tuple[Motor, ...], *, scale: float
 ) -> Steered:
-    """How the board drives this car; see :func:`body`.
+    """The commands that drive this car; see :func:`body`.
 
-    It is sent its speed and its angle alone: both motors have to be mounted alike, and each on its
-    side, for the board speeds up the outer one by itself.
+    The board gets only speed and angle: both motors must be mounted alike, and each on its
+    side, because the board speeds up the outer one by itself.
 
     Raises:
         BoardError: As :func:`body` does.
@@ -148,16 +148,16 @@ def steered(
 def body(car: Car, kinematics: Kinematics, motors: tuple[Motor, ...], *, scale: float) -> Body:
     """The commands that turn these wheels.
 
-    With S the speeds that the motors are to have in the board's measure, for each wheel's speed,
-    and A the car's law, the board's velocity is the least-squares solution of A v = S w. The
+    With A the car's law, and S the motors' speeds in the board's measure for each wheel's speed,
+    the board's velocity is the least-squares solution of A v = S w. The
     columns of A are orthogonal over any motors that are as many left as right.
 
     Args:
-        car: What the board takes itself for.
+        car: The car type that the board stores.
         scale: The calibration multiplier of commands.
 
     Raises:
-        BoardError: The car has no motor there, or turns its motors otherwise than these must turn.
+        BoardError: The car has no motor there, or turns its motors differently than needed.
     """
     wheels = range(len(kinematics.wheels))
     targets: dict[int, list[float]] = {}
@@ -184,7 +184,7 @@ def body(car: Car, kinematics: Kinematics, motors: tuple[Motor, ...], *, scale: 
     limits = [math.inf for _ in wheels]
     for motor in motors:
         share = abs(targets[motor.position][motor.wheel])
-        # One unit less than the board's own limit: what is sent is rounded.
+        # One unit less than the board's own limit, because of rounding.
         limits[motor.wheel] = min(limits[motor.wheel], (car.fastest_mm_s - 1) / share)
     return Body(rows=tuple(map(tuple, rows)), wheel_limits=tuple(limits))
 
@@ -196,7 +196,7 @@ def _check(
     targets: dict[int, list[float]],
     solved: list[list[float]],
 ) -> None:
-    """Refuse what the board would do otherwise than the geometry means it."""
+    """Refuse a geometry whose wheels the board would turn differently."""
     for axis, name in enumerate(("ahead", "sideways", "round")):
         wanted = [factors[axis] for factors in kinematics.inverse]
         goals = {at: _dot(target, wanted) for at, target in targets.items()}

@@ -1,4 +1,4 @@
-"""The functions of the board's frames, what its answers mean, and what it stores."""
+"""The functions of the board's frames, the meaning of its answers, and its stored settings."""
 
 from __future__ import annotations
 
@@ -49,11 +49,11 @@ ENCODERS: Final = 0x0D
 RAW_ICM20948: Final = 0x0E
 
 TYPE_BYTE: Final = 1
-"""The board looks at its highest bit alone, which holds the heading: never set."""
+"""The board reads only its highest bit, which holds the heading: never set it."""
 
 MOST_OUTPUT: Final = 3600
 OUTPUT_OFFSET, SUNRISE_OFFSET = 1600, 2000
-"""Of a motor's output, in PWM units: what the firmware adds to every share of it."""
+"""The offset that the firmware adds to every share of a motor's output, in PWM units."""
 
 IN_FLASH: Final = 0x5F
 IN_MEMORY: Final = 0x00
@@ -70,7 +70,7 @@ MPU9250: Final = ImuSensor(
     gyro_limit_rad_s=32767.0 * _RATE_MPU,
     # 0.01 degrees/s per square root of Hz, behind a filter of 20 Hz.
     gyro_noise_rad_s=0.8e-3,
-    # Evenly within 3 %, by its data sheet.
+    # Uniform within 3 %, by its data sheet.
     gyro_scale=0.017,
     acceleration_limit_m_s2=32767.0 * _FORCE_MPU,
     acceleration_noise_m_s2=0.013,
@@ -82,7 +82,7 @@ ICM20948: Final = ImuSensor(
     # In mrad/s and mm/s^2 of 16 bits: beyond them a number wraps.
     gyro_limit_rad_s=32.767,
     gyro_noise_rad_s=1.9e-3,
-    # Evenly within 1.5 %.
+    # Uniform within 1.5 %.
     gyro_scale=0.009,
     acceleration_limit_m_s2=32.767,
     acceleration_noise_m_s2=0.016,
@@ -91,7 +91,7 @@ ICM20948: Final = ImuSensor(
 
 
 def request(function: int, parameter: int = 0) -> bytes:
-    """Ask for what a function reports. The latest question is answered, within milliseconds."""
+    """Ask for the report of a function. Only the latest question is answered, in milliseconds."""
     return frame(REQUEST, function, parameter)
 
 
@@ -102,10 +102,10 @@ def motion(vx: int, vy: int, wz: int) -> bytes:
 
 
 def open_loop(outputs: tuple[int, ...], offset: int) -> bytes:
-    """Outputs of the four motors in PWM units, none of which has regulation from now on.
+    """Drive the four motors without regulation from now on; outputs in PWM units.
 
-    The board takes a share of 100, and puts it on top of a dead zone that cannot be left out: an
-    output up to there, which is ``offset``, is none. A zero lets the motor go.
+    The board takes a share of 100, and adds it to a dead zone that cannot be omitted: an
+    output up to there, which is ``offset``, is none. A zero releases the motor.
     """
     shares = (
         max(0, min(100, 100 * (abs(each) - offset) // (MOST_OUTPUT - offset)))
@@ -115,11 +115,11 @@ def open_loop(outputs: tuple[int, ...], offset: int) -> bytes:
     return frame(OPEN_LOOP, *(share & 0xFF for share in shares))
 
 
-# What it says.
+# From the board: meanings.
 
 
 def decode(item: Item) -> Decoded:
-    """Say what an item means; never raises. A frame of another length than its function's: none."""
+    """Interpret an item; never raises. A frame of another length than its function's has none."""
     if isinstance(item, Words):
         return _words(item.text)
     form, meaning = _MEANINGS.get(item.function, (None, None))
@@ -135,7 +135,7 @@ _WORDS = re.compile(r"[ -~]{4,}")
 def _words(text: str) -> Decoded:
     if banner := _BANNER.search(text):
         return VersionLine(version=banner[1], after_reset=True)
-    # It tells of its sensors, its flash and its tasks in words that differ with its firmware.
+    # Its lines about sensors, flash and tasks differ with its firmware.
     return Unused(text=text) if _WORDS.fullmatch(text) else Unrecognised(text=text)
 
 
@@ -164,10 +164,10 @@ def _gains(_motor: int, p: int, i: int, d: int) -> Decoded:
 
 
 _MEANINGS: Final[dict[int, tuple[struct.Struct, Callable[..., Decoded]]]] = {
-    # The velocity is the board's own guess by 10 ms: the counts say it better.
+    # The velocity is the board's own estimate over 10 ms: the counts are better.
     SPEED: (
         struct.Struct("<3hB"),
-        # Nothing was measured yet, where that is 0.
+        # 0 means that nothing was measured yet.
         lambda _vx, _vy, _wz, tenths: (
             Battery(volts=tenths / 10.0) if tenths else Unused(text="0 V")
         ),
@@ -186,10 +186,10 @@ _MEANINGS: Final[dict[int, tuple[struct.Struct, Callable[..., Decoded]]]] = {
         lambda major, minor: VersionLine(version=f"{major}.{minor}", after_reset=False, last=True),
     ),
 }
-"""For each function its payload, and what that means."""
+"""For each function its payload, and the meaning of that."""
 
 
-# What it stores.
+# Stored settings.
 
 
 def _number(value: SettingValue) -> int:
@@ -203,10 +203,10 @@ def _car_shown(value: SettingValue) -> str:
 
 
 def _kept(thousandths: int) -> int:
-    """The thousandths of a gain that the board shows for good after it was sent these.
+    """The thousandths of a gain that the board keeps for good after it was sent these.
 
-    It divides and multiplies them as a float of 32 bits, and cuts, at each start again: of 251 it
-    keeps 250.
+    At each start it divides and multiplies them as a float of 32 bits, and truncates: 251 becomes
+    250.
     """
     kept = int(_float(_float(thousandths / 1000.0) * 1000.0))
     return kept if kept == thousandths else _kept(kept)
@@ -302,5 +302,5 @@ def _advice(settings: BoardSettings, profile: MotorProfile) -> Iterator[str]:
             f"The board is set to the car {car.name}, whose wheels have "
             f"{car.turn_mm / 3.141592653589793:.1f} mm and {car.turn_counts} counts a turn; the "
             f"profile {profile.name} has {profile.wheel_diameter_mm:g} mm and "
-            f"{profile.ticks_per_revolution:g}. Set board.profile to the car where it is one."
+            f"{profile.ticks_per_revolution:g}. If it is that car, set board.profile to it."
         )

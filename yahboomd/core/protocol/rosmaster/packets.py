@@ -1,11 +1,11 @@
 """Bytes in, packets and text lines out, and the frames to the board.
 
-The law: what comes out depends on the bytes, never on how they were cut into chunks, and no bytes
-whatever raise or pile up.
+The law: the items depend on the bytes, not on how they were cut into chunks. No input raises, and
+the buffer is bounded.
 
 A frame is ``FF id LEN FUNCTION payload CHK`` with id FC to the board and FB from it. LEN counts
 itself, FUNCTION, payload and CHK; CHK is the sum of LEN, FUNCTION and payload, modulo 256. Lines of
-text share the wire: a start, and work on the flash, are announced in words.
+text share the wire: they announce a start, and work on the flash.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ FROM_BOARD: Final = 0xFB
 
 LEN_LEAST: Final = 3
 LEN_MOST: Final = 40
-"""The longest true frame has 21; some builds lengthen them. More is a byte that was garbled."""
+"""The longest true frame has 21; some builds lengthen them. A larger one is a garbled byte."""
 
 LINE_MOST: Final = 128
 """The most that is kept of a line: its end."""
 
 RESYNC: Final = bytes(20)
-"""As many bytes as the board's buffer holds: half a frame is ended by them, and is none then."""
+"""As many bytes as the board's buffer holds: they end half a frame, which is then invalid."""
 
 _TEXT = re.compile(rb"[\t\r\x20-\x7e]*")
 
@@ -88,7 +88,7 @@ class PacketFramer:
         return len(self._held)
 
     def feed(self, data: bytes) -> list[Item]:
-        """Take a chunk as it came from the port; return what it completes, in order."""
+        """Take a chunk as received; return the items that it completes, in order."""
         self.counters.bytes += len(data)
         held = self._held
         held += data
@@ -103,7 +103,7 @@ class PacketFramer:
         return items
 
     def _packet(self) -> Packet | None:
-        """The frame at the beginning; None where more is needed, or one byte of it was dropped."""
+        """The frame at the beginning; None if more bytes are needed, or one was dropped."""
         held, counters = self._held, self.counters
         if len(held) > 1 and held[1] != FROM_BOARD:
             self._drop(1)
@@ -119,7 +119,7 @@ class PacketFramer:
             return None
         inside, check = bytes(held[2 : size - 1]), held[size - 1]
         if sum(inside) & 0xFF != check:
-            # What looked like a start may be none: the next one may be inside.
+            # This may be no start, and the next one may be inside.
             counters.broken_frames += 1
             self._drop(1)
             return None
@@ -128,12 +128,12 @@ class PacketFramer:
         return Packet(function=inside[1], payload=inside[2:], size=size, trailing=len(held))
 
     def _words(self) -> Words | None:
-        """The line at the beginning; None where more is needed, or bytes were dropped."""
+        """The line at the beginning; None if more bytes are needed, or some were dropped."""
         held, counters = self._held, self.counters
         match = _TEXT.match(held)
         assert match is not None, "it matches nothing, too"
         end = match.end()
-        # The longest line allowed ends here, whatever has come of what follows.
+        # Keep the end of an overlong line, even before its line end has come.
         if end > LINE_MOST:
             self._drop(end - LINE_MOST)
             return None

@@ -1,8 +1,8 @@
 """The dialect ``rosmaster``: the expansion board of the X1, X3, R2 and others of that family.
 
-The board reports by itself and takes velocities of the body. What is known of it comes from its
-firmware's source, its vendor's library and owners' measurements, not from a board:
-``docs/protocol.md`` says which.
+The board reports by itself and takes velocities of the body. Its firmware's source, its vendor's
+library and owners' measurements are the sources, not a board:
+``docs/protocol.md`` lists them.
 """
 
 from __future__ import annotations
@@ -157,6 +157,6 @@ class Rosmaster(Dialect, frozen=True, kw_only=True):
         return motion(vx, vy, wz)
 
     def outputs(self, outputs: Units, settings: BoardSettings) -> bytes:
-        """Open loop, as shares of 100 of what lies above the board's own dead zone."""
+        """Open loop, in percent of the range above the board's own dead zone."""
         offset = SUNRISE_OFFSET if settings.get("car_type") == SUNRISE else OUTPUT_OFFSET
         return open_loop(tuple(map(operator.index, outputs)), offset)
