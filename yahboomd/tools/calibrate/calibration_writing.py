@@ -1,4 +1,4 @@
-"""Writes the calibration file, and takes it back: the daemon only reads it."""
+"""Writes the calibration file, and undoes it: the daemon only reads it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PREVIOUS = "calibration.previous.toml"
 
 
 def write_calibration(path: Path, calibration: Calibration) -> None:
-    """Write it whole or not at all; the one before is kept for :func:`undo_calibration`.
+    """Write it atomically; the one before is kept for :func:`undo_calibration`.
 
     Raises:
         ConfigError: The folder cannot be written to.
@@ -52,7 +52,7 @@ def write_calibration(path: Path, calibration: Calibration) -> None:
 
 
 def check_writable(path: Path) -> None:
-    """Raise where the file could not be written: a person is spared to measure for nothing.
+    """Check that the file can be written, before a person measures anything.
 
     Raises:
         ConfigError: The folder cannot be written to, or made.
@@ -65,16 +65,16 @@ def check_writable(path: Path) -> None:
 
 
 def undo_calibration(path: Path) -> bool:
-    """Take the newest calibration back: the one before it counts again, if there was one.
+    """Remove the newest calibration, and restore the one before it if there was one.
 
     Returns:
-        Whether there was anything to take back.
+        Whether there was one to undo.
 
     Raises:
-        ConfigError: The folder cannot be written to, or the file is no calibration.
+        ConfigError: The folder cannot be written to, or the file is not a calibration.
     """
     if os.path.lexists(path):
-        # A name that was mistyped must not cost another file.
+        # A mistyped name must not delete another file.
         try:
             read_calibration(path)
         except ConfigError as error:

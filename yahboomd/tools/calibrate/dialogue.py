@@ -1,6 +1,6 @@
-"""A calibration that a program leads: lines of JSON out, lines of JSON in.
+"""A calibration led by another program: lines of JSON out, lines of JSON in.
 
-Out: ``question`` (with ``id``, ``name``, ``kind``, ``text`` and what belongs to it), ``progress``,
+Out: ``question`` (with ``id``, ``name``, ``kind``, ``text`` and further facts), ``progress``,
 ``say``, ``result``, ``refused``, and ``ignored`` for a line that made no sense. In: ``answer``,
 ``hold``, ``release`` and ``abort``. ``docs/calibration.md`` describes each.
 """
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
     from yahboomd.tools.terminal.asking import LargestMove, Number
 
 PROGRESS_NS = 200_000_000
-"""Progress is reported no more often."""
+"""The least time between two reports of progress."""
 
 
 def write_refused(error: YahboomdError) -> None:
-    """The last line, where nothing was written."""
+    """Write the last line if nothing was written to the calibration file."""
     _write("refused", text=str(error), status=error.exit_code)
 
 
@@ -37,7 +37,7 @@ class Dialogue:
     """A person who is asked through a program; see :class:`~.asking.Person`.
 
     Args:
-        hold: The button that lets the robot move; None: it moves once an answer lets it begin.
+        hold: The button that lets the robot move; None: an answer starts each movement.
     """
 
     enter = "Press \N{LEFT DOUBLE QUOTATION MARK}Done\N{RIGHT DOUBLE QUOTATION MARK}"
@@ -51,7 +51,7 @@ class Dialogue:
         self._clock = SystemClock()
 
     async def lead(self, work: Coroutine[Any, Any, int]) -> int:
-        """Do the work for as long as the program is there.
+        """Run the work until it ends or the program goes away.
 
         Raises:
             Refused: The input ended, or the program aborted.
@@ -60,7 +60,7 @@ class Dialogue:
         try:
             await asyncio.wait({working, reading}, return_when=asyncio.FIRST_COMPLETED)
             if not working.done():
-                # The robot is stopped by the work's own end, below.
+                # Cancelling the work, below, stops the robot.
                 raise reading.result()
             return working.result()
         finally:
@@ -79,7 +79,7 @@ class Dialogue:
                 case {"type": "hold", "id": self._id, "at_ns": int(at_ns)} if self._hold:
                     self._hold.press(at_ns)
                 case {"type": "hold", "id": str()}:
-                    pass  # of a movement that is over
+                    pass  # belongs to a movement that is over
                 case {"type": "release"}:
                     if self._hold is not None:
                         self._hold.release()
@@ -89,7 +89,7 @@ class Dialogue:
                 case {"type": "abort"}:
                     return Refused("The calibration was ended: nothing was written.")
                 case _:
-                    _write("ignored", text="Not an answer to the question that is open.")
+                    _write("ignored", text="Not an answer to the open question.")
         return input_ended()
 
     async def _ask(self, kind: str, name: str, text: str, **more: Any) -> str:  # noqa: ANN401
@@ -125,7 +125,7 @@ class Dialogue:
             asked.cancel()
 
     async def number(self, question: Number) -> float | None:
-        """Ask until a number comes that is possible, or nothing."""
+        """Ask until the answer is a possible number, or empty."""
         ask = partial(self._ask, "number", question.name, question.words, unit=question.unit)
         text = (await ask()).strip()
         while text:
@@ -139,7 +139,7 @@ class Dialogue:
         _write("say", text=words)
 
     def progress(self, part: int, parts: int, done: float) -> None:
-        """Write it, now and then."""
+        """Write it, at most every :data:`PROGRESS_NS` within a part."""
         before_part, before_ns = self._reported
         now_ns = self._clock.now_ns()
         if part != before_part or done >= 1.0 or now_ns - before_ns >= PROGRESS_NS:

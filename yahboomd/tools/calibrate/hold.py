@@ -13,14 +13,14 @@ if TYPE_CHECKING:
     from yahboomd.core.clock import Clock
 
 HOLD_NS = 300_000_000
-"""So long one message counts that the button is held."""
+"""How long one message counts as a held button."""
 
 
 class HeldButton:
-    """One button. Once it was let go, it counts again only for the next movement.
+    """One button. Once released, it counts again only for the next movement.
 
     Args:
-        clock: Of ``CLOCK_MONOTONIC``, which all processes of a machine share.
+        clock: A ``CLOCK_MONOTONIC`` clock, which all processes of a machine share.
     """
 
     def __init__(self, clock: Clock, stop: Callable[[], None]) -> None:
@@ -31,7 +31,7 @@ class HeldButton:
         self._pressed = asyncio.Event()
 
     def offer(self) -> None:
-        """The next movement may begin: what was pressed before does not count for it."""
+        """Offer the next movement; earlier presses do not count for it."""
         self._until_ns = 0
         self._let_go = False
         self._pressed.clear()
@@ -41,7 +41,7 @@ class HeldButton:
         await self._pressed.wait()
 
     def press(self, at_ns: int) -> None:
-        """It was held at a moment; of older moments than 0.3 s, and future ones, nothing counts."""
+        """The button was held at this moment; ignored if older than 0.3 s, or in the future."""
         now_ns = self._clock.now_ns()
         if self._until_ns and now_ns >= self._until_ns:
             self._let_go = True
@@ -51,13 +51,13 @@ class HeldButton:
         self._pressed.set()
 
     def release(self) -> None:
-        """It was let go: the robot stops now."""
+        """The button was released: stop the robot now."""
         if not self._let_go and self._until_ns:
             self._let_go = True
             self._stop()
 
     def left_s(self) -> float:
-        """How long the robot may still move, in seconds; 0 once it was let go."""
+        """How long the robot may still move, in seconds; 0 once the button was released."""
         left_ns = self._until_ns - self._clock.now_ns()
         if left_ns <= 0:
             self._let_go = True

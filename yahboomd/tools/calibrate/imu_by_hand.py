@@ -27,7 +27,7 @@ class Asks(Protocol):
     enter: str
 
     async def confirm(self, name: str, words: str) -> None:
-        """Wait until they say that it is done."""
+        """Wait until they confirm that it is done."""
 
 
 class _Gathered:
@@ -59,10 +59,10 @@ class _Gathered:
 async def turn_by_hand(
     stream: Callable[[], AsyncIterator[ImuSample]], answers: Asks, config: Config, turns: float
 ) -> Mounted:
-    """Have the robot turned, and judge what its sensor shows.
+    """Ask the person to turn the robot, and judge its sensor's samples.
 
     Raises:
-        Refused: No samples come, or what they show cannot be trusted.
+        Refused: No samples come, or they cannot be trusted.
     """
     from yahboomd.tools.calibrate.estimates.hand_turn import judge
 
@@ -71,7 +71,7 @@ async def turn_by_hand(
     except TimeoutError as error:
         raise Refused(
             "The board sends no samples of an inertial sensor. `yahboomd status --json` names the "
-            "sensor in board.imu where the board has one."
+            "sensor in board.imu if the board has one."
         ) from error
     mark = "Put the robot on the floor, its side along a straight edge, and take your hands off."
     await answers.confirm("rest", f"{mark} {answers.enter}, then wait {REST_S:g} s.")
@@ -87,7 +87,7 @@ async def turn_by_hand(
     )
     moved = await _gather(stream(), asked, bias)
     if moved.lost:
-        raise Refused("Samples were lost on the way: nothing can be said. Once more?")
+        raise Refused("Samples were lost on the way: there is no result. Try again.")
     x, y, z = moved.angles
     imu = config.imu
     found = judge(
@@ -99,7 +99,7 @@ async def turn_by_hand(
         scale=imu.gyro_scale or 1.0,
     )
     if found.doubts:
-        raise Refused(f"{' '.join(found.doubts)} Nothing can be said. Once more?")
+        raise Refused(f"{' '.join(found.doubts)} There is no result. Try again.")
     return found
 
 
@@ -126,7 +126,7 @@ async def _gather(
 
 
 def show_mounted(found: Mounted, config: Config, person: Person) -> None:
-    """Show what to configure."""
+    """Show the axes to configure."""
     imu = config.imu
     right = (found.axes, found.gyro_axes) == (
         imu.axes,

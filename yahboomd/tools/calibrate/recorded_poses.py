@@ -1,4 +1,4 @@
-"""Wheel angles and another sensor's poses out of a recording: any bag that rosbags reads."""
+"""Reads wheel angles and another sensor's poses from a recording: any bag that rosbags reads."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ POSES = {
     "geometry_msgs/msg/PoseStamped": lambda message: message.pose,
     "geometry_msgs/msg/PoseWithCovarianceStamped": lambda message: message.pose.pose,
 }
-"""Types that carry a pose, and where in them it is."""
+"""Message types with a pose, and its place in them."""
 
 
 def tracks(
@@ -32,10 +32,10 @@ def tracks(
 
     Args:
         bags: Folders of ROS 2's bags (``yahboomd record`` makes one), or files of ROS 1's.
-        frames: Parent and child of the transform, where ``topic`` carries transforms.
+        frames: Parent and child of the transform, if ``topic`` carries transforms.
 
     Raises:
-        Refused: Nothing that fits is in there; the message says what is.
+        Refused: It lacks the joint states or the poses; the message lists its topics.
     """
     from rosbags.highlevel import AnyReader
 
@@ -66,12 +66,12 @@ def tracks(
     except YahboomdError:
         raise
     except Exception as error:
-        # A damaged file raises whatever its parsers meet: KeyError, ZstdError, UnicodeDecodeError.
+        # Parsers raise many errors for a damaged file: KeyError, ZstdError, UnicodeDecodeError.
         words = f"The recording cannot be read: {str(error) or type(error).__name__}"
         raise Refused(
             words,
-            remedy="Of a recording of yahboomd name the folder, or its ros2_0.mcap. `mcap recover` "
-            "repairs a file that was cut off.",
+            remedy="For a recording of yahboomd, give the folder, or its ros2_0.mcap. `mcap "
+            "recover` repairs a truncated file.",
         ) from error
     if not wheels:
         raise Refused(
@@ -94,7 +94,7 @@ def tracks(
 
 
 def _sides(config: Config) -> dict[str, tuple[int, float]]:
-    """Of each joint: its side, and how far the side goes by a radian of it."""
+    """The side of each joint, and how far the side moves for a radian of it."""
     from yahboomd.core.config.calibration_file import geometry_of
 
     radius_m = geometry_of(config).wheel_radius_m
@@ -143,7 +143,7 @@ def _seconds(stamp: Any) -> float:  # noqa: ANN401
 
 
 def _rising(rows: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """The rows in the order of their times, each time once."""
+    """The rows sorted by time, without duplicate times."""
     order = np.argsort(rows[:, 0], kind="stable")
     rows = rows[order]
     kept: np.ndarray[Any, Any] = rows[np.concatenate(([True], np.diff(rows[:, 0]) > 0.0))]

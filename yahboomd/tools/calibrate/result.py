@@ -33,10 +33,10 @@ def conclude(
     dry_run: bool,
     person: Person,
 ) -> int:
-    """Show what was found, and write it unless it cannot be trusted.
+    """Show the result, and write it unless it cannot be trusted.
 
     Args:
-        path: The calibration file; None where there is no state directory.
+        path: The calibration file; None if there is no state directory.
 
     Raises:
         Refused: The result cannot be trusted; nothing was written.
@@ -79,13 +79,13 @@ def conclude(
         )
     person.say(
         f"Written to {path}. The daemon reads it when it starts. "
-        f"{restarting(tuple(config.zenoh.listen))} `yahboomd calibrate undo` takes it back."
+        f"{restarting(tuple(config.zenoh.listen))} `yahboomd calibrate undo` removes it."
     )
     return 0
 
 
 def _gear_doubts(scale: float, config: Config) -> list[str]:
-    """Whether wheels of this size, as a multiple of the configured one, have another gear."""
+    """Sentences if this size of the wheels, over the configured one, fits another gear."""
     from yahboomd.core.protocol.profiles import alike
 
     own, (least, most) = config.profile(), RADIUS
@@ -96,7 +96,7 @@ def _gear_doubts(scale: float, config: Config) -> list[str]:
 
 
 def ratio_of(config: Config) -> float:
-    """The radius of the right wheels over that of the left ones, as configured."""
+    """The configured radius of the right wheels over that of the left ones."""
     wheels = config.kinematics().wheels
     multipliers = config.chassis.wheel_radius_multiplier
     right, left = (
@@ -165,7 +165,7 @@ def _table(fit: Fit, calibration: Calibration, sideways: Sideways | None) -> str
             f"{sideways.factor:<12.5f}{_percent(sideways.std)}"
         )
     lines.append(f"{'right over left':<32}{fit.factors.ratio:<12.5f}{_percent(fit.std.ratio)}")
-    lines.append(f"What is left over: {calibration.residual}.")
+    lines.append(f"Remaining errors: {calibration.residual}.")
     return "\n".join(lines)
 
 

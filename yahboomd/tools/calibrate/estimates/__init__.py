@@ -1,7 +1,8 @@
 """The true size of the wheels and of the track, from counts and measurements.
 
-Pure: arrays in, numbers with their deviation out. `runs` holds what was driven and measured;
-`least_squares` finds the factors that explain it best, `sensor` those that explain the poses of
-another sensor; `verdict` says whether they can be trusted. `hand_turn` finds how an inertial sensor
-is mounted, by a turn of the robot by hand; `wiring` how the motors are connected.
+Pure: arrays in, numbers with their deviation out. `runs` holds the runs and their measurements;
+`least_squares` finds the factors that explain them best, `sensor` those that explain the poses of
+another sensor, `sideways` the factor of a mecanum base's sideways motion; `verdict` decides whether
+they can be trusted. `hand_turn` finds an inertial sensor's mounting from a turn by hand, `wiring`
+the connections of the motors, `gear` the motors that fit a wheel's counts.
 """

@@ -1,4 +1,4 @@
-"""Which motors fit what was seen of a wheel: a wrong gear ratio is a wrong profile. Pure."""
+"""Finds the motors that fit a wheel's counts: a wrong gear ratio is a wrong profile. Pure."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from collections.abc import Iterable
 from typing import Protocol
 
 WITHIN = 0.12
-"""A person sees the angle of a wheel so exactly, as a share of half a turn."""
+"""The accuracy with which a person sees a wheel's angle, as a share of half a turn."""
 
 MEASURED_WITHIN = 0.05
-"""A tape shows a gear so exactly: the wheels may be a little larger or smaller than configured."""
+"""The accuracy of a gear by tape: the wheels may be a little larger or smaller than configured."""
 
 OTHER_LINES = 0.1
-"""Motors with other encoders are less likely than another gear before the same one."""
+"""The penalty of motors with another encoder: another gear with the same one is more likely."""
 
 
 class Motors(Protocol):
@@ -37,14 +37,14 @@ class Motors(Protocol):
 
 
 def fits(ticks: float, own: Motors, *, within: float = WITHIN) -> bool:
-    """Whether a turn of the wheel has the counts that these motors have."""
+    """Whether the counts of one turn of the wheel fit these motors."""
     return _off(ticks, own) <= within
 
 
 def fitting(
     ticks: float, own: Motors, known: Iterable[Motors], *, within: float = WITHIN
 ) -> Motors | None:
-    """The motors that fit so many counts of one turn best; None if none does.
+    """The motors that fit best to the counts of one turn; None if none fits.
 
     Args:
         own: The configured ones: others with the same encoder are preferred.
@@ -58,10 +58,10 @@ def fitting(
 
 
 def another_gear(factor: float, own: Motors, known: Iterable[Motors]) -> str:
-    """A sentence on wheels whose size would be off by the quotient of two gears; else empty.
+    """A sentence if the error of the wheels' size is the quotient of two gears; else empty.
 
     Args:
-        factor: The size of the wheels that was found, over the configured one.
+        factor: The measured size of the wheels over the configured one.
     """
     found = fitting(own.ticks_per_revolution / factor, own, known, within=MEASURED_WITHIN)
     if found is None or found.ticks_per_revolution == own.ticks_per_revolution:

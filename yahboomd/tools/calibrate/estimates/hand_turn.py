@@ -1,8 +1,8 @@
 """How an inertial sensor is mounted, and the scale of its gyro: by turning the robot by hand.
 
-At rest the accelerometer shows which of its axes points up, for gravity pulls the other way. A
-turn to the left shows the same of the gyro, and whole turns its scale. Which axis points forward
-does not show; where up has to change, the rest is guessed, and the heading does not depend on it.
+At rest the accelerometer shows which of its axes points up, for gravity pulls the other way. A turn
+to the left shows the same for the gyro, and whole turns show its scale. The forward axis remains
+unknown: if the up axis is wrong, the others are guessed, and the heading does not depend on them.
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ import msgspec
 from yahboomd.core.model import Vector3
 
 FLAT_SHARE = 0.95
-"""A turn on the floor is about one axis; so much of it at least."""
+"""The least share of a turn on the floor that is about a single axis."""
 
 NEAR = 0.2
-"""By this share the gyro may miss the turns that were asked for, or gravity 9.8 m/s^2."""
+"""The largest error of the gyro's turns, and of gravity, as a share."""
 
 GRAVITY_M_S2 = 9.80665
 
 
 class Mounted(msgspec.Struct, frozen=True, kw_only=True):
-    """What a turn by hand shows.
+    """The findings of a turn by hand.
 
     Attributes:
-        gyro_axes: For ``imu.gyro_axes``; empty where the gyro's are the same.
-        turns: How often the gyro saw the robot turn, whatever the direction.
-        doubts: Why this cannot be trusted, a sentence each.
+        gyro_axes: For ``imu.gyro_axes``; empty if they are those of the accelerometer.
+        turns: The number of turns by the gyro, in either direction.
+        doubts: The reasons not to trust this, a sentence each.
     """
 
     axes: str
@@ -44,9 +44,9 @@ def judge(
     """Judge a turn to the left.
 
     Args:
-        angles: What the gyro integrated about x, y and z, less its bias; radians.
-        force_m_s2: What the accelerometer showed at rest.
-        gyro_axes: As configured; empty for the same.
+        angles: The integrals of the gyro about x, y and z, without its bias; radians.
+        force_m_s2: The accelerometer's output at rest.
+        gyro_axes: As configured; empty: those of the accelerometer.
     """
     doubts = []
     about, whole = _largest(angles), 2.0 * math.pi * turns
@@ -78,7 +78,7 @@ def _largest(vector: Vector3) -> int:
 
 
 def _with_up(axes: str, up: int, sign: float) -> str:
-    """The axes, with what points along the number ``up`` (or against it) pointing up."""
+    """The axes, changed so that the axis at index ``up`` (reversed if ``sign`` < 0) points up."""
     if up == 2 and sign > 0.0:
         return axes
     words = axes.split()

@@ -1,10 +1,10 @@
 """The factors that explain all runs at once: generalised least squares over the counts.
 
-Law: each wheel's travel is its counts times its radius, plus slip whose variance grows with the
-distance; each measurement has an error of its own. The covariance of a run's measurement is then
-``Σ gᵢ gᵢᵀ k |dᵢ| + R`` with ``gᵢ`` the change of the end by a unit of travel in step i, ``dᵢ`` that
-travel, ``k`` the slip and ``R`` the tape's; factors that make ``Σ eᵀ S⁻¹ e`` least are the most
-probable ones (Gauss-Newton; Nocedal and Wright, *Numerical Optimization*, section 10.3). The
+The model: each wheel's travel is its counts times its radius, plus slip whose variance grows with
+the distance; each measurement has an error of its own. The covariance of a run's measurement is
+then ``Σ gᵢ gᵢᵀ k |dᵢ| + R`` with ``gᵢ`` the change of the end by a unit of travel in step i, ``dᵢ``
+that travel, ``k`` the slip and ``R`` the tape's; the factors that minimise ``Σ eᵀ S⁻¹ e`` are the
+most probable ones (Gauss-Newton; Nocedal and Wright, *Numerical Optimization*, section 10.3). The
 inverse of the normal matrix is their covariance. Borenstein and Feng's UMBmark (1996) evaluates the
 same squares by formulas that assume small errors, and needs several passes on a narrow base.
 """
@@ -39,10 +39,10 @@ class Fit:
 
     Attributes:
         factors: The most probable factors.
-        std: The deviation of each, as a fraction; 0 of one that was not free.
-        chi_squared: Weighted squares of what is left over, over their expected number; near 1 where
-            slip and tape explain it, and 1 where nothing is left over by construction.
-        errors: What is left over of each run, in the units of its measurement.
+        std: The deviation of each, as a fraction; 0 for factors that were not free.
+        chi_squared: The weighted sum of squared residuals over its expected value: near 1 if slip
+            and tape explain them, and 1 if there are none by construction.
+        errors: The residuals of each run, in the units of its measurement.
     """
 
     factors: Factors
@@ -55,7 +55,7 @@ class Unseen(Exception):
     """The runs do not determine every factor.
 
     Attributes:
-        part: Which one: ``scale``, ``ratio`` or ``track``.
+        part: The undetermined one: ``scale``, ``ratio`` or ``track``.
     """
 
     def __init__(self, part: str) -> None:
@@ -70,10 +70,10 @@ def fit(
     start: Factors = NOMINAL,
     slip: float = SLIP_M_PER_SQRT_M,
 ) -> Fit:
-    """The factors of all runs.
+    """Find the factors that explain all runs.
 
     Args:
-        free: The factors to find; the others stay as they are in ``start``.
+        free: The factors to find; the others keep their values in ``start``.
         slip: Deviation of a rim's travel by slip after one metre, metres.
 
     Raises:
@@ -131,7 +131,7 @@ def error(run: Run, factors: Factors) -> Floats:
 
 
 def measurement_covariance(run: Run, factors: Factors, *, slip: float) -> Floats:
-    """The covariance of what was measured, by slip on the way and by the tape."""
+    """The covariance of a run's measurement, by slip on the way and by the tape."""
     x, y, heading = path(run, factors)
     middle = (heading[1:] + heading[:-1]) / 2.0
     track = factors.track * run.separation_m
@@ -160,7 +160,7 @@ def measurement_covariance(run: Run, factors: Factors, *, slip: float) -> Floats
 
 
 def _slope(run: Run, values: Floats, chosen: Sequence[int]) -> Floats:
-    """The derivative of what is predicted by each chosen factor, by central differences."""
+    """The derivative of the prediction by each chosen factor, by central differences."""
     columns = []
     for step in np.eye(len(values))[list(chosen)] * PROBE:
         above, below = Factors(*(values + step)), Factors(*(values - step))
@@ -169,7 +169,7 @@ def _slope(run: Run, values: Floats, chosen: Sequence[int]) -> Floats:
 
 
 def _inverse(normal: Floats, free: Sequence[str]) -> Floats:
-    """The inverse, of a matrix whose every direction was seen."""
+    """Invert a normal matrix; raise if some direction is undetermined."""
     size = np.sqrt(np.diag(normal))
     if not size.all():
         raise Unseen(free[int(np.argmin(size))])

@@ -42,7 +42,7 @@ class Run:
     """One run, from standstill to standstill.
 
     Attributes:
-        kind: Which measurement ``measured`` is.
+        kind: The kind of measurement in ``measured``.
         left: Travel of the left rim in each step by its counts and its nominal radius, metres.
         right: The same of the right rim.
         separation_m: The nominal distance between the sides.

@@ -25,12 +25,12 @@ class Tracks(NamedTuple):
     """The recorded samples.
 
     Attributes:
-        time_s: When the wheels were read, rising.
+        time_s: The times of the wheels' readings, rising.
         left: Total travel of the left rim by its counts and its nominal radius, metres.
         right: The same of the right rim.
         separation_m: The nominal distance between the sides.
-        pose_time_s: When the sensor's poses were taken, on the same clock, rising.
-        pose: Of the sensor in any fixed frame: n rows of (x, y, heading), metres and radians.
+        pose_time_s: The times of the sensor's poses, on the same clock, rising.
+        pose: The sensor's poses in any fixed frame: n rows of (x, y, heading), metres and radians.
     """
 
     time_s: Floats
@@ -113,7 +113,7 @@ def _solve(
 ) -> tuple[Factors, SensorPose, tuple[tuple[float, ...], ...]]:
     counts = np.array([[each.left.sum(), each.right.sum()] for each in intervals])
     turns = np.array([each.moved[2] for each in intervals])
-    # A piece may contain more than half a turn: the counts say which one.
+    # A piece may contain more than half a turn: take whole turns from the counts.
     nominal = (counts[:, 1] - counts[:, 0]) / separation_m
     turns = turns + 2.0 * np.pi * np.round((nominal - turns) / (2.0 * np.pi))
     square = counts.T @ counts

@@ -3,8 +3,8 @@
 Its rollers slip most in sideways motion, by 5 to 20 % of the way, and about as much at any speed.
 So one factor is measured by runs to the side. A base also turns and creeps a little meanwhile: the
 end of a run, for the factor ``s``, is ``F + s G`` with ``F`` the sum of its steps ahead and ``G``
-that of its steps to the side, each along the heading of its step. Its distance from the start is
-what a tape measures, so ``s`` is the positive root of ``|F + s G|^2 = d^2``.
+that of its steps to the side, each along the heading of its step. A tape measures its distance
+``d`` from the start, so ``s`` is the positive root of ``|F + s G|^2 = d^2``.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def fit_sideways(
 
 
 def _ends(run: SidewaysRun, scale: float, track: float) -> tuple[Floats, Floats]:
-    """The sums of the steps ahead, and of those to the side with the factor 1."""
+    """The sums of the steps ahead, and of the steps to the side with the factor 1."""
     turn = run.turn * (scale / track)
     middle = np.cumsum(turn) - turn / 2.0
     chord = scale * np.sinc(turn / (2.0 * np.pi))

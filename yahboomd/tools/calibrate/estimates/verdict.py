@@ -1,4 +1,4 @@
-"""Whether a calibration can be trusted, and why not in words."""
+"""Decides whether a calibration can be trusted; words for the reasons against it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from yahboomd.tools.calibrate.estimates.runs import Run
 from yahboomd.tools.calibrate.estimates.sideways import Sideways, SidewaysRun
 
 STD_MAX = 0.01
-"""A factor that is known worse than this is better measured with a tape."""
+"""Measure a factor with a larger deviation by tape instead."""
 
 CHI_SQUARED_MAX = 6.0
 """The most by which a residual may exceed its expected square: floors differ in their slip."""
@@ -22,7 +22,7 @@ SIDEWAYS = (0.6, 1.25)
 """The rollers of a sound base slip by 5 to 20 %, on carpet by more."""
 
 SIDES_APART = 0.1
-"""By more than this share the ways to the left and to the right do not differ on one floor."""
+"""The largest difference between the ways to the left and to the right on one floor, as a share."""
 
 LEAST_STRAIGHT_M = 1.0
 LEAST_SIDEWAYS_M = 0.5
@@ -32,7 +32,7 @@ STRAIGHT_RAD = 1.0
 
 _OBSERVE = {
     "scale": "drive a straight run of known length, 2 m or longer; closed squares do not show it",
-    "ratio": "drive squares in both directions, and measure where the robot ends",
+    "ratio": "drive squares in both directions, and measure the robot's end positions",
     "track": "turn in place several times, or drive squares in both directions",
     "sideways": "drive 1 m or more to each side, and measure how far it went",
     "travel": "record for a minute or longer, with curves to both sides",
@@ -54,11 +54,11 @@ def unseen(error: Unseen) -> str:
 def doubts(
     fit: Fit, *, skid_steer: bool, runs: Sequence[Run] = (), track: float | None = None
 ) -> list[str]:
-    """The reasons not to use the result, a sentence each; empty where it can be used.
+    """The reasons not to use the result, a sentence each; empty if it can be used.
 
     Args:
         skid_steer: Whether the sides slip in turns, which makes the effective track wider.
-        track: The multiplier of the track that would be written; None: the fit's.
+        track: The multiplier of the track to be written; None: the fit's.
     """
     found = []
     for run in runs:
@@ -81,9 +81,9 @@ def doubts(
             )
     if fit.chi_squared > CHI_SQUARED_MAX:
         found.append(
-            f"The measurements contradict each other: what is left over is "
-            f"{fit.chi_squared**0.5:.1f} times what slip and tape explain. Was a number mistyped, "
-            "a run pushed by hand, or a direction mixed up?"
+            "The measurements contradict each other: their errors are "
+            f"{fit.chi_squared**0.5:.1f} times as large as slip and tape explain. Was a number "
+            "mistyped, a run pushed by hand, or a direction mixed up?"
         )
     factors = fit.factors
     for name, value, (least, most) in (

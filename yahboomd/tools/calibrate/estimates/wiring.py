@@ -1,10 +1,10 @@
 """How the motors of a robot are connected, from one turn of each. Pure.
 
 Each motor was given a positive output for a moment. A person saw which wheel turned, and which way;
-the counters saw which encoder turned, and which way. Where a motor, its counts and its plug agree
-but the wheel went backward, the motor is mounted the other way round, and two signs in the
-configuration make up for it. Where they do not agree, the board's own speed loop would drive that
-wheel as fast as it can: then a plug has to be changed, and its name is given.
+the counters saw which encoder turned, and which way. If a motor, its counts and its plug agree but
+the wheel went backward, the motor is mounted the other way round, and two signs in the
+configuration correct that. If they do not agree, the board's own speed loop would drive that wheel
+as fast as it can: then a plug has to be changed, and the fault names it.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ Kind: TypeAlias = Literal[
 ]
 
 MOVED_TURNS = 0.01
-"""Less than that is no motion: gears have play."""
+"""Less than this may be the play of the gears."""
 
 ALIKE = 0.3
-"""A counter that moved by such a share of the one that moved most was moved by the same pulse."""
+"""A counter with at least this share of the largest movement was moved by the same pulse."""
 
 
 class MotorTurn(msgspec.Struct, frozen=True, kw_only=True):
@@ -32,8 +32,8 @@ class MotorTurn(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         position: The plug that was given a positive output, 1 to 4.
-        counts: What each counter changed by.
-        wheel: The wheel that was seen to turn; empty for none.
+        counts: The change of each counter.
+        wheel: The wheel that the person saw turn; empty for none.
         forward: Whether it turned as it does when the robot drives forward.
     """
 
@@ -51,7 +51,7 @@ class HandTurn(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class WiredMotor(msgspec.Struct, frozen=True, kw_only=True):
-    """A motor as the configuration has it, once every fault is repaired.
+    """A motor as configured once every fault is repaired.
 
     Attributes:
         position: Its plug on the board, 1 to 4.
@@ -64,14 +64,14 @@ class WiredMotor(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class WiringFault(msgspec.Struct, frozen=True):
-    """A fault that no configuration makes up for.
+    """A fault that no configuration can correct.
 
     Attributes:
         kind: Its name, for programs.
-        position: The plug of the motor; None where it is not known.
-        words: What is wrong, and the plug to change.
-        arrives: Where the counts of this motor arrive instead, for ``encoder_crossed``; the plug
-            where it belongs, for ``motor_misplaced``.
+        position: The plug of the motor; None if it is not known.
+        words: The fault, and the plug to change.
+        arrives: For ``encoder_crossed``, the position that receives this motor's counts; for
+            ``motor_misplaced``, the plug that it belongs in.
     """
 
     kind: Kind
@@ -85,11 +85,11 @@ class WiringFound(msgspec.Struct, frozen=True, kw_only=True):
     """The verdict.
 
     Attributes:
-        motors: Those that were seen to turn, in the order of the wheels.
-        missing: Wheels whose motor was not seen to turn: nothing can be configured before.
+        motors: The motors that were seen to turn, in the order of the wheels.
+        missing: Wheels whose motor was not seen to turn: nothing can be configured without them.
         again: Positions (or, by hand, none) whose answers contradict each other.
-        doubts: Why, in words.
-        hint: A cause that would explain all of it; empty for none.
+        doubts: The contradictions, in words.
+        hint: A single cause that would explain all faults; empty for none.
     """
 
     motors: tuple[WiredMotor, ...]
@@ -115,7 +115,7 @@ def judge(
 
     Args:
         turns: One for each position of the board.
-        plugs: For wheels that did not turn, the plug of their motor as the person says.
+        plugs: For wheels that did not turn, their motor's plug according to the person.
     """
     moved = {turn.position: turn for turn in turns if turn.wheel}
     still = [turn for turn in turns if not turn.wheel]
@@ -141,10 +141,10 @@ def judge(
 
 
 def judge_by_hand(turns: Sequence[HandTurn], ticks_per_revolution: float) -> WiringFound:
-    """Find the positions and the signs of the encoders, as far as turning by hand shows them.
+    """Find the positions and the signs of the encoders from turns by hand.
 
-    Motor and encoder share a plug: a motor is taken to be where its encoder is, and to be mounted
-    as that counts. Whether its power agrees shows when the board drives it.
+    Motor and encoder share a plug, so each motor is assumed to be in its encoder's plug, and
+    mounted the way its encoder counts. Its power may still disagree: only driving it shows that.
 
     Args:
         turns: One for each wheel.
@@ -176,13 +176,13 @@ def judge_by_hand(turns: Sequence[HandTurn], ticks_per_revolution: float) -> Wir
 
 
 def _strongest(counts: Counts, least: float) -> int | None:
-    """The position whose counter moved most; None where none did."""
+    """The position whose counter moved most; None if none moved."""
     most = max(counts, key=abs)
     return counts.index(most) + 1 if abs(most) >= least else None
 
 
 def _channel(turn: MotorTurn, least: float) -> int | None:
-    """The position at which the counts of a motor arrive; its own where that moved much too."""
+    """The position at which the counts of a motor arrive; its own if that moved enough, too."""
     strongest = _strongest(turn.counts, least)
     if strongest is None:
         return None
@@ -231,7 +231,7 @@ def _encoder_faults(turn: MotorTurn, seen_at: Mapping[int, int | None]) -> Itera
             else f"M{position} ({name}): its counts arrive at M{channel}. Plug its encoder into "
             f"M{position}."
         )
-        # Of a pair, one sentence is enough.
+        # One sentence is enough for a pair.
         if not also or position < channel:
             yield WiringFault("encoder_crossed", position, wheel, words, channel)
     if turn.counts[channel - 1] < 0:
@@ -245,7 +245,7 @@ def _encoder_faults(turn: MotorTurn, seen_at: Mapping[int, int | None]) -> Itera
 def _dead_motors(
     missing: Sequence[str], still: Sequence[int], plugs: Mapping[str, int]
 ) -> Iterator[WiringFault]:
-    # The only motor and the only plug that are left belong together.
+    # The last motor and the last plug belong together.
     only = still[0] if len(missing) == len(still) == 1 else None
     for wheel in missing:
         position = plugs.get(wheel) or only
