@@ -133,5 +133,5 @@ async def test_counters_that_do_not_come_any_more_end_it() -> None:
         return str(await line(question))
 
     person.line = line  # type: ignore[method-assign]
-    with pytest.raises(BoardSilent, match="counters do not come"):
+    with pytest.raises(BoardSilent, match="sends no counters"):
         await found_by(person, bench, TWO)

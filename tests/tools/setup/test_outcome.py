@@ -39,4 +39,4 @@ def test_a_board_with_a_sensor_is_followed_by_its_calibration_and_faults_by_a_wa
     words = next_steps(msgspec.structs.replace(found, wiring=wiring), Path("robot.toml"))
     assert "yahboomd calibrate imu" in words
     assert "icm20948" in words
-    assert "Repair what was named first" in words
+    assert "Repair these faults first" in words

@@ -1,6 +1,7 @@
-"""The wirings that a board can drive: one that divides a motion itself knows where its motors are.
+"""The wirings that a board can drive.
 
-Asked of the dialect: for each way to connect the motors, whether there is a motion.
+A board that computes wheel speeds itself has a fixed plug for each motor. Each way to connect the
+motors is checked with the board's dialect.
 """
 
 from __future__ import annotations
@@ -21,11 +22,11 @@ from yahboomd.tools.calibrate.estimates.wiring import WiredMotor, WiringFault, W
 def drivable(
     dialect: Dialect, settings: BoardSettings | None, config: Config, wheels: Sequence[str]
 ) -> list[tuple[WiredMotor, ...]]:
-    """Every way to connect the motors with which the board drives as it is commanded.
+    """Find every way to connect the motors with which the board drives as commanded.
 
     Args:
-        config: The robot, its motors connected in any way.
-        wheels: The wheels that have a motor, each named as its motor is.
+        config: The robot; the wiring of its motors does not matter.
+        wheels: The wheels with a motor, each with its motor's name.
 
     Raises:
         Refused: There is none: the board is set up for another robot.
@@ -60,11 +61,11 @@ def drivable(
 
 
 def as_drivable(verdict: WiringFound, ways: Sequence[tuple[WiredMotor, ...]]) -> WiringFound:
-    """The verdict with what has to be changed for the board, if anything has.
+    """Add the changes that the board needs to the verdict, if there are any.
 
     Args:
-        verdict: Of motors that all turned.
-        ways: As :func:`drivable` gives them.
+        verdict: A verdict on motors that all turned.
+        ways: The result of :func:`drivable`.
     """
     has = {motor.wheel: motor for motor in verdict.motors}
     nearest = min(ways, key=lambda way: _changes(has, way))
@@ -79,7 +80,7 @@ def as_drivable(verdict: WiringFound, ways: Sequence[tuple[WiredMotor, ...]]) ->
         elif now.sign != motor.sign:
             words = (
                 f"M{now.position} ({name}) is mounted the other way round, and this board cannot "
-                "make up for it. Exchange the motor's two wires, and the two signal wires of its "
+                "correct that. Swap the motor's two wires, and the two signal wires of its "
                 "encoder, A and B."
             )
         else:
@@ -93,7 +94,7 @@ def as_drivable(verdict: WiringFound, ways: Sequence[tuple[WiredMotor, ...]]) ->
 
 
 def _changes(has: dict[str, WiredMotor], way: tuple[WiredMotor, ...]) -> tuple[int, int]:
-    """The plugs to change, and the motors to turn round: fewer plugs first."""
+    """A sort key: the number of changes of plugs and of directions, then of plugs alone."""
     pairs = [(has[motor.wheel], motor) for motor in way]
     moved = sum(now.position != then.position for now, then in pairs)
     return moved + sum(now.sign != then.sign for now, then in pairs), moved

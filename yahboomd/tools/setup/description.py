@@ -1,4 +1,4 @@
-"""Asks what the robot is: its motors, how it drives, and its size."""
+"""Asks for the robot's motors, its drive, and its size."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ DRIVES = {
     "mecanum": "four wheels with rollers; it drives sideways too",
     "ackermann": "a car: the rear wheels drive, the front wheels steer",
 }
-"""Drive geometries in words for their owner; one that is not here is listed by its name alone."""
+"""Drive geometries in words for their owner; others are listed by name only."""
 
 LONGEST_MM = 5000.0
-"""The largest distance of two wheels that a configuration takes."""
+"""The largest distance between two wheels that a configuration accepts."""
 
 
 class Given(msgspec.Struct, frozen=True, kw_only=True):
-    """The answers that options of the command gave, which are not asked for."""
+    """Answers that were given as options of the command, and are not asked for."""
 
     profile: str | None = None
     kinematics: str | None = None
@@ -44,7 +44,7 @@ class Description(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         board: The keys of ``[board]``.
-        wheel_base_mm: From the front axle to the rear one, where the geometry needs it.
+        wheel_base_mm: From the front axle to the rear one, if the geometry needs it.
     """
 
     board: Mapping[str, Any]
@@ -58,11 +58,11 @@ class Description(msgspec.Struct, frozen=True, kw_only=True):
 async def ask_motors(
     person: Respondent, given: Given, dialect: Dialect, stored: BoardSettings | None
 ) -> tuple[dict[str, Any], MotorProfile]:
-    """The keys of ``[board]``, and the profile that they stand for.
+    """Ask for the motors; return the keys of ``[board]``, and their profile.
 
     Args:
-        dialect: Of the board: it has motors of some profiles.
-        stored: What the board stores: one of them may be what it was set up for.
+        dialect: The board's dialect, which determines the profiles to choose from.
+        stored: The board's settings, which mark the profile that it is set up for.
     """
     name = given.profile
     if name is None:
@@ -70,7 +70,7 @@ async def ask_motors(
         names = [
             each for each, profile in PROFILES.items() if not fields or fields & {*profile.stored}
         ]
-        say("Which motors does it have? Their sticker says it, or the page of the kit.")
+        say("Which motors does it have? See their sticker, or the page of the kit.")
         rows = [(each, _motor_words(PROFILES[each], stored)) for each in names]
         name = await choose(person, "Motors:", [*rows, (CUSTOM, "another motor")])
     board: dict[str, Any] = {"profile": name}
@@ -122,7 +122,7 @@ async def choose(person: Respondent, question: str, rows: Sequence[tuple[str, st
     """Ask for one of several, by its number or its name.
 
     Args:
-        rows: Names, and what they mean.
+        rows: Names, and their meanings.
     """
     width = max(len(name) for name, _ in rows)
     for number, (name, words) in enumerate(rows, start=1):
@@ -152,7 +152,7 @@ def _motor_words(profile: MotorProfile, stored: BoardSettings | None) -> str:
     wanted = {field: profile.settings[field] for field in profile.settings if field != "deadzone"}
     pairs = [(value, (stored or {}).get(field)) for field, value in wanted.items()]
     known = [
-        # A ratio is stored without its decimals.
+        # The board stores a ratio without its decimals.
         math.floor(value) <= has < math.floor(value) + 1
         for value, has in pairs
         if isinstance(value, int | float) and isinstance(has, int | float)

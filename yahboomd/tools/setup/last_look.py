@@ -1,7 +1,7 @@
-"""The last look before the file is written: do all wheels turn forward, and by as far as counted?
+"""The last look before the file is written: do all wheels turn forward, as far as counted?
 
-The person's answers found the wiring, and a profile gave the gear: nothing else contradicts a wrong
-one of them.
+The wiring comes from the person's answers, and the gear from a profile: no other check would find
+an error in them.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ FORWARD_TURNS = 0.15
 HALF = 0.5
 
 NEAR_SHARE = 0.08
-"""Counts that are further from half a turn put the mark beside the bottom."""
+"""Counts that are farther from half a turn than this leave the mark beside the bottom."""
 
 LEAST_SHARE = 0.2
 
@@ -35,11 +35,11 @@ NOT_CHECKED = "The gear was not checked. Is the motors' sticker that of board.pr
 
 
 class GearSeen(msgspec.Struct, frozen=True, kw_only=True):
-    """What was seen of the gear.
+    """The findings on the gear.
 
     Attributes:
         words: A sentence for the person; empty if it fits.
-        profile: The motors that fit instead, if there are such.
+        profile: The profile that fits instead, if there is one.
     """
 
     verdict: Verdict = "not checked"
@@ -51,14 +51,14 @@ FITS = GearSeen(verdict="fits", words="")
 
 
 class Unanswered(Exception):
-    """The person looks no further."""
+    """The person ends the last look."""
 
 
 class LastLook:
-    """Turns the wheels once more, by what was found, and asks what was seen.
+    """Turns the wheels once more, with the wiring found, and asks how they turned.
 
     Args:
-        may_turn: Called before wheels are turned; raises where none may be.
+        may_turn: Called before wheels are turned; raises if none may turn.
     """
 
     def __init__(
@@ -77,16 +77,14 @@ class LastLook:
         """Look at all wheels, then at each.
 
         Returns:
-            What was seen of the gear; None if an answer about the wiring was wrong.
+            The findings on the gear; None if an answer about the wiring was wrong.
 
         Raises:
             LinkError: The port or the board was lost.
             BoardError: A wheel does not stop, or the board reset itself.
         """
         say_heading("A last look, before the file is written")
-        say(
-            "Stick a mark to the rim of each wheel. Enter alone leaves out what is left to look at."
-        )
+        say("Stick a mark to the rim of each wheel. Enter alone skips the rest of this look.")
         ticks: list[float] = []
         try:
             if not await self._all_forward(wiring):
@@ -114,7 +112,7 @@ class LastLook:
                 return answer == "y"
 
     async def _half_turn(self, motor: WiredMotor) -> float | None:
-        """The counts of one turn of the wheel, as seen; None if another wheel turned."""
+        """The counts of one turn of the wheel, by the answers; None if another wheel turned."""
         wheel = plain(motor.wheel)
         whole = HALF * self._profile.ticks_per_revolution
         while True:
@@ -131,7 +129,7 @@ class LastLook:
                 counts = await self._pulses.advance({motor.position: motor.sign}, target - counted)
                 counted += abs(counts[motor.position - 1])
                 if stage < stages:
-                    # A faster gear would turn it by more than once without an answer in between.
+                    # With a faster gear it would turn more than once without this question.
                     answer = await self._choice(
                         f"On its way ({stage} of {stages}). Has the mark reached the bottom? "
                         "(y; n; w: another wheel turned; a: again)",
@@ -149,7 +147,7 @@ class LastLook:
                         "ynwa",
                     )
                 if answer == "y":
-                    # It was seen to fit, not measured.
+                    # The gear fits, but was not measured exactly: take the profile's.
                     return self._profile.ticks_per_revolution
             if answer == "w":
                 return None
@@ -177,7 +175,7 @@ class LastLook:
         try:
             answer = await self._person.line(question)
         except Refused as ended:
-            # The input has ended: what is left is not looked at.
+            # The input has ended, and with it the look.
             raise Unanswered from ended
         if not answer:
             raise Unanswered
@@ -185,10 +183,10 @@ class LastLook:
 
 
 def judged(ticks: list[float], own: MotorProfile, *, whole: bool) -> GearSeen:
-    """What single wheels show of the gear.
+    """Judge the gear from single wheels.
 
     Args:
-        ticks: The counts of one turn of each wheel that was looked at.
+        ticks: The counts of one turn of each checked wheel.
         whole: These are all wheels.
     """
     off = [each for each in ticks if not fits(each, own)]
@@ -197,8 +195,8 @@ def judged(ticks: list[float], own: MotorProfile, *, whole: bool) -> GearSeen:
     found = median(off)
     other = fitting(found, own, alike(own))
     words = (
-        f"The wheel turned by {180.0 * own.ticks_per_revolution / found:.0f} degrees where the "
-        f"profile {own.name} (1:{own.ratio:g}) counts half a turn: the gear is about "
+        f"The wheel turned by {180.0 * own.ticks_per_revolution / found:.0f} degrees, and half a "
+        f"turn was counted with the profile {own.name} (1:{own.ratio:g}): the gear is about "
         f"1:{found / own.ticks_per_revolution * own.ratio:.0f}."
     )
     if other is None or other.name == own.name:

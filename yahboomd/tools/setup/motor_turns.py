@@ -1,4 +1,4 @@
-"""Turns the motors one at a time, or has the wheels turned by hand, and asks what was seen."""
+"""Turns the motors one at a time, or asks the person to turn the wheels, and asks which turned."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from yahboomd.tools.terminal.terminal_questions import (
 )
 
 MOTOR_TURNS_PER_S = 200.0
-"""No motor of the vendor's turns faster than 12,000 times a minute without a load."""
+"""None of the vendor's motors runs faster than 12,000 turns a minute without a load."""
 
 REPAIR = "Switch the motors' supply off, repair it, and switch it on again."
 TRY = "Enter: try again; w: write the file, as if it were repaired; q: end"
@@ -49,7 +49,7 @@ POWER_UNSEEN = (
 
 
 class UnwiredRobot(msgspec.Struct, frozen=True, kw_only=True):
-    """A robot whose wiring is to be found.
+    """A robot with unknown wiring.
 
     Attributes:
         wheels: The driven wheels, by their number in the picture.
@@ -62,7 +62,7 @@ class UnwiredRobot(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def picture(self) -> str:
-        """It, from above."""
+        """A drawing of it, from above."""
         return picture(unit_geometry(self.description.kinematics))
 
 
@@ -70,7 +70,7 @@ class ByOutput:
     """Finds the wiring with a board that can give its motors an output.
 
     Args:
-        may_turn: Called before each motor is turned; raises where none may be.
+        may_turn: Called before each motor is turned; raises if none may turn.
     """
 
     def __init__(
@@ -91,10 +91,10 @@ class ByOutput:
         self._plugs: dict[str, int] = {}
 
     async def find(self) -> WiringFound:
-        """Turn each motor, until nothing contradicts itself.
+        """Turn each motor, until the answers are consistent.
 
         Returns:
-            The verdict; with faults where the person wants the file in spite of them.
+            The verdict, with faults only if the person wants the file anyway.
 
         Raises:
             Refused: The person ended it.
@@ -189,7 +189,7 @@ class ByOutput:
             say(f"f or b, please. {FORWARD}")
 
     async def _ask_plugs(self, missing: Sequence[str]) -> bool:
-        """Ask where the motors of wheels are that did not turn; whether that is new."""
+        """Ask for the plugs of the wheels that did not turn; return whether one was named."""
         still = [str(turn.position) for turn in self._turns.values() if not turn.wheel]
         wanted = [wheel for wheel in missing if wheel not in self._plugs]
         if len(missing) == len(still) == 1:
@@ -224,7 +224,7 @@ class ByHand:
         self._ticks = robot.description.profile.ticks_per_revolution
 
     async def find(self) -> WiringFound:
-        """Have each wheel turned, until nothing contradicts itself.
+        """Ask for a turn of each wheel, until the answers are consistent.
 
         Raises:
             Refused: The person ended it.
@@ -268,21 +268,21 @@ def _say_more() -> None:
 
 
 async def _counting(talk: Conversation) -> Counts:
-    """See the counters come, after a repair too; what they are."""
-    # One that was switched off for a repair is silent at first.
+    """Wait for the counters, and return them."""
+    # A board that was switched off for a repair is silent at first.
     for _ in range(1 + math.ceil(talk.dialect.starts_within_s / COUNTERS_WITHIN_S)):
         counts = await talk.read_counters()
         if counts is not None:
             return counts
     raise BoardSilent(
-        "The board answers, and its counters do not come.",
+        "The board answers, but sends no counters.",
         remedy=await talk.why_silent() or "Is the cable long or noisy? Try `yahboomd probe`.",
     )
 
 
 async def _gives_up(person: Respondent, verdict: WiringFound) -> bool:
-    """Print the faults; whether the file is wanted in spite of them."""
-    say_heading("To be repaired: no configuration makes up for it")
+    """Print the faults; return whether the person wants the file anyway."""
+    say_heading("To be repaired: no configuration can correct it")
     say_points(fault.words for fault in verdict.faults)
     if verdict.hint:
         say(textwrap.fill(verdict.hint, WIDTH))

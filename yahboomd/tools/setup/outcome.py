@@ -1,4 +1,4 @@
-"""What was found out about a robot, for programs, and what its owner does next. Pure."""
+"""The findings on a robot, for programs, and the next steps for its owner. Pure."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ class SetupOutcome(msgspec.Struct, frozen=True, kw_only=True):
     """A robot that was set up.
 
     Attributes:
-        dialect: How the board is spoken to.
-        gear: Whether the wheels turn by as far as counted.
+        dialect: The board's protocol.
+        gear: Whether the wheels turn as far as counted.
         imu: The board's inertial sensor; empty for none.
     """
 
@@ -56,9 +56,9 @@ def next_steps(found: SetupOutcome, path: Path) -> str:
         lines += ["", *textwrap.wrap(found.gear.words, 96)]
     lines.append("")
     if found.wiring.faults:
-        lines += ["Repair what was named first: the daemon cuts a wheel that does not obey.", ""]
+        lines += ["Repair these faults first: the daemon cuts a wheel that does not obey.", ""]
     commands = [
-        (f"yahboomd config check --config {path}", "what the file means"),
+        (f"yahboomd config check --config {path}", "explains the file"),
         (f"yahboomd run --config {path}", "the daemon"),
         ("yahboomd drive --linear 0.1", "in a second terminal: slowly, with the keyboard"),
     ]

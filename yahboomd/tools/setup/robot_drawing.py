@@ -5,7 +5,7 @@ from __future__ import annotations
 from yahboomd.core.model import Kinematics
 
 CORNERS = ("front_left", "front_right", "rear_left", "rear_right")
-"""The wheels of a robot with four of them, as one reads: their numbers are 1 to 4."""
+"""The wheels of a robot with four of them, in reading order: their numbers are 1 to 4."""
 
 _FOUR = """\
             front

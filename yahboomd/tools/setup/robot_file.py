@@ -1,4 +1,4 @@
-"""Writes ``robot.toml``: as text with comments, checked, whole or not at all."""
+"""Writes ``robot.toml``: as text with comments, checked, atomically."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ def as_toml(
 
     Args:
         port: The serial port; empty: yahboomd looks for it.
-        gear: What is to be said of the gear; empty if it fits.
+        gear: The sentence about the gear; empty if it fits.
     """
     lines = [
-        "# A robot, written by `yahboomd setup`. What is not in here has its default, which",
+        "# A robot, written by `yahboomd setup`. All other keys have their defaults, which",
         "# `yahboomd config reference` explains. After a change: `yahboomd config check`.",
     ]
     for fault in wiring.faults:
@@ -71,7 +71,7 @@ def as_toml(
 
 
 def as_config(description: Description, wheels: Sequence[str]) -> Config:
-    """The configuration of a robot whose wiring is not known yet."""
+    """The configuration of a robot with a provisional wiring."""
     motors = tuple(
         WiredMotor(wheel=wheel, position=position, sign=1)
         for position, wheel in enumerate(wheels, start=1)
@@ -95,7 +95,7 @@ def write_robot(path: Path, text: str, *, overwrite: bool) -> None:
                 file.flush()
                 os.fsync(file.fileno())
                 os.fchmod(file.fileno(), 0o644)
-                # Neither the environment nor a calibration counts here: the file stands alone.
+                # Check the file alone, without the environment or a calibration.
                 read(Path(file.name), environ={})
                 if overwrite:
                     os.replace(file.name, path)

@@ -46,11 +46,11 @@ from yahboomd.tools.terminal.terminal_questions import (
 )
 
 RESEND_S = 0.1
-"""An output is repeated so often: the board may lose a frame."""
+"""The period in which an output is repeated: the board may lose a frame."""
 
 
 class Wizard:
-    """One robot that is set up."""
+    """The setup of one robot."""
 
     def __init__(
         self,
@@ -72,10 +72,10 @@ class Wizard:
         self._imu = ""
 
     async def find(self, *, by_hand: bool) -> SetupOutcome:
-        """Ask what the robot is, and find out how its motors are connected.
+        """Ask for the robot's description, and find out how its motors are connected.
 
         Args:
-            by_hand: Turn no motor, whatever the board can.
+            by_hand: Turn no motor, even if the board could.
 
         Raises:
             Refused: The emergency stop is engaged, or the person ended it.
@@ -143,7 +143,7 @@ class Wizard:
     async def _geared(
         self, description: Description, gear: GearSeen
     ) -> tuple[Description, GearSeen]:
-        """The description with the motors that fit what was seen, if the person agrees."""
+        """The description with the motors that fit the gear found, if the person agrees."""
         if gear.words:
             say(f"\n{textwrap.fill(gear.words, WIDTH)}")
         profile = gear.profile
@@ -157,10 +157,10 @@ class Wizard:
     async def _fit(
         self, dialect: Dialect, found: Examination, profile: MotorProfile, *, turns: bool = True
     ) -> None:
-        """Show what the board stores, and have it store what these motors need, if it is wanted.
+        """Show the board's settings, and store those that these motors need if the person agrees.
 
         Args:
-            turns: Motors are about to be turned.
+            turns: Motors will be turned next.
         """
         report = self._report(found, profile, profile.settings)
         if report.settings:
@@ -202,7 +202,7 @@ class Wizard:
         line.on_imu = self._on_imu
         async with guarded(port, self._config, self._clock, say) as guard, line.attended():
             talk = await Conversation.begin(line)
-            # The motors are without power: a brake would start the board's speed loop.
+            # The motors have no power, and a brake would start the board's speed loop.
             line.let_go = True
             await handshake.await_reports(line, talk.dialect)
             if by_hand:
