@@ -240,11 +240,11 @@ def test_a_certificate_that_cannot_be_used_is_named_with_what_to_do(tmp_path: Pa
     certificate, key, _ = make_certificate(tmp_path, ["127.0.0.1"])
     with pytest.raises(ConfigError, match=r"nothing\.pem cannot be read: No such file"):
         Certificate(certificate=tmp_path / "nothing.pem", key=key).context()
-    with pytest.raises(ConfigError, match=r"no certificate and its key.*--make-certificate"):
+    with pytest.raises(ConfigError, match=r"not a certificate and its key.*--make-certificate"):
         Certificate(certificate=key, key=certificate).context()
     other = tmp_path / "other"
     _, foreign, _ = make_certificate(other, ["127.0.0.1"])
-    with pytest.raises(ConfigError, match=r"no certificate and its key"):
+    with pytest.raises(ConfigError, match=r"not a certificate and its key"):
         Certificate(certificate=certificate, key=foreign).context()
     pipe = tmp_path / "pipe.pem"
     os.mkfifo(pipe)

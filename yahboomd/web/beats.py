@@ -1,8 +1,8 @@
-"""The server's beats, by which the age of a page's command is known.
+"""The server's beats, which show the age of a page's command.
 
-Every command carries the last beat that its page received. A beat is as old as the time since it
-was made, wherever it was held up since: here, on the way to the page, in the page, or on the way
-back. So a command from a queue is as old as the beat in it.
+Every command carries the last beat that its page received. A beat's age is the time since it was
+made, and includes every delay: here, on the way to the page, in the page, and on the way back. So a
+command from a queue is as old as the beat in it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from yahboomd.core.clock import Clock
 PERIOD_NS = 50_000_000
 
 LAPSE_NS = 300_000_000
-"""A command whose beat is older is refused, and a page that drives and is silent so long is
+"""A command whose beat is older is refused, and a page that drives and is silent for this time is
 stopped."""
 
 KEPT = 200
@@ -30,7 +30,7 @@ class Beats:
     """
 
     def __init__(self, clock: Clock) -> None:
-        # A page of another server's, or of this one before it was started again, knows no beat.
+        # A random start: beats of another server, or from before a restart, are not valid here.
         self.latest = secrets.randbelow(1 << 40)
         self._clock = clock
         self._made_ns: deque[int] = deque(maxlen=KEPT)
@@ -42,7 +42,7 @@ class Beats:
         return self.latest
 
     def age_ns(self, beat: int, joined: int) -> int | None:
-        """The age of a beat; None where the page cannot have received it.
+        """The age of a beat; None if the page cannot have received it.
 
         Args:
             beat: As the page sent it.

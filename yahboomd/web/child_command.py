@@ -1,7 +1,7 @@
-"""Commands of ours in processes of their own, which never outlive the server.
+"""Runs `yahboomd` commands in processes of their own, which never outlive the server.
 
-A child leads its own process group, and its standard input is a pipe that only the server holds: it
-ends when that is closed, also by a server that is killed.
+A child leads its own process group. Only the server holds the pipe to its standard input: the child
+ends when that is closed, also because the server is killed.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ END_S = 8.0
 """The time for a child to stop its robot, or to finish its files, before it is killed."""
 
 UNREAD_BYTES = 4096
-"""A child that does not read has at most so much waiting for it here, besides its pipe."""
+"""The most bytes queued here for a child that does not read, besides its pipe."""
 
 LINE_BYTES = 1 << 20
 
 LAST_WORDS = 20
-"""Lines of its standard error that are kept."""
+"""The number of lines of its standard error that are kept."""
 
 
 class Child:
-    """One command that runs; made by :meth:`start`."""
+    """One running command; made by :meth:`start`."""
 
     def __init__(self, process: asyncio.subprocess.Process) -> None:
         self._process = process
@@ -62,7 +62,7 @@ class Child:
         return "\n".join(self._errors).removeprefix("yahboomd: ")
 
     async def lines(self) -> AsyncIterator[dict[str, Any]]:
-        """The objects that it writes, one a line; other lines are left out."""
+        """The JSON objects that it writes, one a line; other lines are ignored."""
         assert self._process.stdout is not None
         with contextlib.suppress(ValueError):
             async for line in self._process.stdout:
@@ -72,7 +72,7 @@ class Child:
                         yield found
 
     def write(self, **message: object) -> bool:
-        """Write one line; False where it is dropped, because the child does not read."""
+        """Write one line; False if it is dropped because the child does not read."""
         stdin = self._process.stdin
         assert stdin is not None
         if stdin.is_closing() or stdin.transport.get_write_buffer_size() > UNREAD_BYTES:
@@ -81,12 +81,12 @@ class Child:
         return True
 
     def close_input(self) -> None:
-        """Have it end, in order."""
+        """Ask it to end."""
         assert self._process.stdin is not None
         self._process.stdin.close()
 
     async def end(self) -> int:
-        """Have it end, or kill it; its exit status."""
+        """End it, by force if necessary; returns its exit status."""
         self.close_input()
         try:
             async with asyncio.timeout(END_S):
@@ -103,9 +103,9 @@ class Child:
 
 
 async def output_of(arguments: Sequence[str], within_s: float = 30.0) -> tuple[int, str, str]:
-    """Run a command to its end; its exit status, what it printed, and its last words.
+    """Run a command to its end; returns its exit status, its output, and its last words.
 
-    One that takes too long is ended, and says so.
+    One that takes too long is ended, and its last words report that.
     """
     child = await Child.start(arguments)
     stdout = child._process.stdout  # noqa: SLF001

@@ -1,8 +1,7 @@
-"""The tokens by which people get in, and the cookies that they become.
+"""The tokens that give access to the page, and their cookies.
 
-Two tokens, made once: the driver's and the viewer's. A page exchanges its token for a cookie, which
-is made of the token and proves it: a new token ends every session of the old one, and a restart of
-the server none.
+Two tokens, made once: the driver's and the viewer's. A page exchanges its token for a cookie
+derived from it: a new token ends all sessions of the old one, a restart of the server ends none.
 """
 
 from __future__ import annotations
@@ -51,10 +50,10 @@ class Tokens(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def keep(folder: Path, name: str, content: bytes) -> None:
-    """Write a file for the owner of its folder alone: root makes what the service's user reads.
+    """Write a file that only its folder's owner can read, also if root writes it.
 
-    A link that is there is replaced, not followed: the service's user writes to that folder, and
-    root must not write elsewhere for it.
+    An existing link is replaced, not followed: the service's user can write to that folder, and
+    must not make root write elsewhere.
 
     Raises:
         OSError: The folder cannot be written to.
@@ -73,7 +72,7 @@ def keep(folder: Path, name: str, content: bytes) -> None:
 
 def _matching(expected: dict[Role, str], given: str) -> Role | None:
     found: Role | None = None
-    # Both are compared, so that the time says nothing about which one it was.
+    # Both are compared, so that the time does not show which one matched.
     for role, secret in expected.items():
         if hmac.compare_digest(secret.encode(), given.encode()):
             found = role
@@ -81,7 +80,7 @@ def _matching(expected: dict[Role, str], given: str) -> Role | None:
 
 
 def read_tokens(folder: Path) -> Tokens | None:
-    """The tokens in the state directory; None where none were made.
+    """The tokens in the state directory; None if there are none.
 
     Raises:
         ConfigError: The file cannot be used, or others may read it.
@@ -100,7 +99,7 @@ def read_tokens(folder: Path) -> Tokens | None:
     except PermissionError as error:
         raise ConfigError(
             f"{path} may not be read by this user.",
-            remedy="Where the service runs: `sudo yahboomd web --show-link`.",
+            remedy="If it belongs to the service: `sudo yahboomd web --show-link`.",
         ) from error
     except (OSError, ValueError) as error:
         raise ConfigError(
@@ -116,7 +115,7 @@ def read_tokens(folder: Path) -> Tokens | None:
 
 
 def make_tokens(folder: Path) -> Tokens:
-    """Make tokens, and keep them for this user alone; those of before are void.
+    """Make tokens, readable by this user only; older ones become invalid.
 
     Raises:
         ConfigError: The folder cannot be written to.

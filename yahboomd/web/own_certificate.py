@@ -1,4 +1,4 @@
-"""A certificate for this machine, made by openssl and signed by itself."""
+"""Makes a self-signed certificate for this machine, with openssl."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ _FINGERPRINT = ("-noout", "-fingerprint", "-sha256")
 
 
 def make_certificate(folder: Path, hosts: Iterable[str]) -> tuple[Path, Path, str]:
-    """Make a certificate and its key; those of before are replaced.
+    """Make a certificate and its key; older ones are replaced.
 
     Args:
-        folder: Where they go; the key is for this user alone.
-        hosts: Names and addresses by which browsers ask.
+        folder: The folder for both; only this user can read the key.
+        hosts: The names and addresses that browsers use.
 
     Returns:
         The certificate, the key, and the fingerprint that a browser shows.
@@ -35,7 +35,7 @@ def make_certificate(folder: Path, hosts: Iterable[str]) -> tuple[Path, Path, st
     """
     certificate, key = folder / CERTIFICATE, folder / KEY
     try:
-        # Not in the folder, where others than this user may put links.
+        # Not in the folder, where other users may have put links.
         with tempfile.TemporaryDirectory(prefix="yahboomd-web-") as made:
             new_certificate, new_key = Path(made) / CERTIFICATE, Path(made) / KEY
             _openssl(

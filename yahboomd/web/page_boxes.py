@@ -18,10 +18,10 @@ from yahboomd.web.child_command import output_of
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,79}")
 
 KNOWN_NS = 2_000_000_000
-"""A list that is younger is good enough."""
+"""A list that is younger than this is shown again."""
 
 WAITING = 8
-"""Questions that wait for their turn; more are refused."""
+"""The number of requests that may wait; more are refused."""
 
 BUSY = "Too many people ask at once. Try again."
 
@@ -39,7 +39,7 @@ class PageBoxes:
         self._listed_ns: int | None = None
 
     async def listed(self) -> dict[str, Any]:
-        """The boxes, the newest first, and what is wrong, in words."""
+        """The boxes, the newest first, and the problem in words if they cannot be listed."""
         await self._list()
         shown = [
             {
@@ -55,11 +55,11 @@ class PageBoxes:
         return {"boxes": shown, "problem": self._problem}
 
     async def explained(self, name: str) -> dict[str, Any] | None:
-        """Why the robot stopped, and what came before; None where there is no such box."""
+        """Why the robot stopped, and the events before; None if there is no such box."""
         box = await self._box(name)
         if box is None:
             return None
-        # By its file, as it was listed: services of one machine count their boxes from 1 each.
+        # By its file, as listed: the services of a machine each number their boxes from 1.
         status, printed, words = await self._ask(["explain", box["path"], "--json"])
         try:
             facts = json.loads(printed) if status == 0 else {}
@@ -73,14 +73,14 @@ class PageBoxes:
         return {"why": why, "lines": lines}
 
     async def file(self, name: str) -> Path | None:
-        """The file of a saved box; None where there is none, whatever the name says."""
+        """The file of a saved box; None if there is none, for any name."""
         box = await self._box(name)
         if box is None or box["kind"] != "saved":
             return None
         return Path(box["path"])
 
     async def save(self) -> tuple[bool, str]:
-        """Have the daemon save its box. Returns whether it was done, and a sentence for people."""
+        """Make the daemon save its box. Returns whether it was done, and a sentence for people."""
         self._listed_ns = None
         status, printed, words = await output_of(["blackbox", "save", *self._robot])
         return status == 0, (printed or words).strip()
@@ -113,7 +113,7 @@ class PageBoxes:
         self._waiting += 1
         try:
             async with self._turn:
-                # Of several robots on one machine those of the page's own are meant.
+                # If the machine has several robots, only those of the page's robot.
                 return await output_of(["blackbox", *arguments, *self._robot])
         finally:
             self._waiting -= 1

@@ -1,9 +1,9 @@
 """Calibrating from a page: one wizard at a time, led by the page in control.
 
 The wizard is ``yahboomd calibrate --dialogue json --held`` in a process of its own. It moves the
-robot only while holds come: each is passed on with the moment at which it came, and none is where
-the beat in it is too old, so that nothing that was held up moves the robot. When the page loses
-control or leaves, the wizard ends.
+robot only while holds come. Each hold is passed on with the time of its arrival, unless its beat is
+too old, so a delayed hold never moves the robot. When the page loses control or leaves, the wizard
+ends.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from yahboomd.web.child_command import Child, output_of
 from yahboomd.web.page_frames import part
 
 SAID = 6
-"""Sentences of the wizard that are shown at once."""
+"""The number of the wizard's sentences that are shown at once."""
 
 ANSWER_CHARACTERS = 40
 
@@ -38,7 +38,7 @@ RANGES: Mapping[str, Mapping[str, tuple[float, float]]] = {
     },
     "imu": {"turns": (1, 50)},
 }
-"""The numbers that a page may choose, with their bounds: of metres, m/s, rad/s, and whole ones."""
+"""The numbers that a page may choose, with their bounds: metres, m/s, rad/s, and whole numbers."""
 
 WHOLE = frozenset({"turns", "count"})
 
@@ -96,7 +96,7 @@ class PageCalibration:
         )
 
     def begin(self, page: int, verb: object, choices: Mapping[str, Any]) -> str:
-        """Start a wizard for a page; why not, in words, or nothing."""
+        """Start a wizard for a page; returns the reason if it is refused, else an empty text."""
         if self._task is not None:
             return RUNNING
         arguments = chosen(verb, choices)
@@ -142,7 +142,7 @@ class PageCalibration:
         self._changed()
 
     def answer(self, page: int, question: object, text: object) -> str:
-        """Pass an answer on; why not, in words, or nothing."""
+        """Pass an answer on; returns the reason if it is refused, else an empty text."""
         if refusal := self._not_led_by(page):
             return refusal
         if not isinstance(question, str) or not isinstance(text, str):
@@ -154,22 +154,22 @@ class PageCalibration:
         return "" if self._write(type="answer", id=question, text=text) else NONE
 
     def hold(self, page: int, question: str) -> str:
-        """Pass on that the button is held now; why not, in words, or nothing."""
+        """Pass on that the button is held now; returns the reason if it is refused, or empty."""
         if refusal := self._not_led_by(page):
             return refusal
         self._write(type="hold", id=question[:100], at_ns=self._clock.now_ns())
         return ""
 
     def let_go(self, page: int) -> None:
-        """Pass on that the button was let go."""
+        """Pass on that the button was released."""
         if page == self._page:
             self._write(type="release")
 
     def end(self, page: int | None = None) -> str:
-        """End it, the robot first; why not, in words, or nothing.
+        """Stop the robot, then end the wizard; returns the reason if it is refused, or empty.
 
         Args:
-            page: That wants it; None: the server.
+            page: The page that asks; None: the server.
         """
         if page is not None and (refusal := self._not_led_by(page)):
             return refusal
@@ -183,7 +183,7 @@ class PageCalibration:
         return ""
 
     def control_changed(self, driver: int | None) -> None:
-        """End the wizard of a page that has control no longer."""
+        """End the wizard if its page no longer has control."""
         if self._page is not None and self._page != driver:
             self.end()
 
@@ -198,7 +198,7 @@ class PageCalibration:
         """Undo the newest calibration. Returns whether it was done, and a sentence for people."""
         if self._task is not None:
             return False, RUNNING
-        # It asks no daemon.
+        # The command needs no daemon.
         config = [it for it in self._robot if not it.startswith(("--connect=", "--namespace="))]
         status, printed, last_words = await output_of(["calibrate", "undo", *config])
         return status == 0, (printed or last_words).strip()
@@ -213,7 +213,7 @@ class PageCalibration:
 
 
 def chosen(verb: object, choices: Mapping[str, Any]) -> list[str] | None:
-    """The verb and its options; None where a page may not choose them so."""
+    """The verb and its options; None if a page may not choose them."""
     if not isinstance(verb, str) or verb not in RANGES:
         return None
     arguments = [verb]

@@ -21,22 +21,22 @@ if TYPE_CHECKING:
 CHUNK_BYTES = 65536
 
 STALLED_S = 20.0
-"""A browser that takes nothing for so long is cut off."""
+"""A browser that takes no data for this time is disconnected."""
 
 AT_ONCE = 8
 
 AT_ONCE_VIEWERS = 4
-"""Of viewers among them: people who drive find room."""
+"""The most downloads of viewers among them, so that drivers find room."""
 
 AT_ONCE_VIEWER = 2
-"""Of viewers from one address."""
+"""The most downloads of viewers from one address."""
 
 
 class Downloads:
     """The routes.
 
     Args:
-        role: Of the person who asks; None for people without a session.
+        role: Returns the role of the person who asks; None without a session.
     """
 
     def __init__(self, tools: PageTools, role: Callable[[HTTPConnection], Role | None]) -> None:
@@ -89,7 +89,7 @@ class Downloads:
     async def _download(self, path: Path, name: str, viewer: str | None) -> Response:
         if self._is_full(viewer):
             return _refused(503)
-        # It counts from here on: others may ask while the file is opened.
+        # Count it before the file is opened, since others may ask meanwhile.
         self._running.append(viewer)
         try:
             file, size = await asyncio.to_thread(_opened, path)
@@ -109,7 +109,7 @@ class Downloads:
 
 
 class _Download(StreamingResponse):
-    """A file, as far as it was when it was asked for: one that is recorded grows."""
+    """A file with its size at the request: one that is being recorded grows."""
 
     def __init__(self, file: BinaryIO, size: int, name: str, ended: Callable[[], None]) -> None:
         self._file = file

@@ -1,4 +1,4 @@
-"""The files of the page: read once, compressed once, found by their names alone."""
+"""The files of the page: read and compressed once, and looked up by name only."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ TYPES: Mapping[str, str] = {
     ".png": "image/png",
     ".webmanifest": "application/manifest+json",
 }
-"""The files that are served, by how their names end."""
+"""The content types of served files, by suffix."""
 
 
 class PageFile(msgspec.Struct, frozen=True, kw_only=True):
     """A file of the page.
 
     Attributes:
-        compressed: The content with gzip; empty where that is not smaller.
+        compressed: The content with gzip; empty if that is not smaller.
         etag: Changes with the content.
     """
 

@@ -1,4 +1,4 @@
-"""The links to the page: for this machine, for phones, with a token and as a QR code."""
+"""The links to the page, for this machine and for phones, with a token, and as a QR code."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def link(host: str, port: int, *, tls: bool, token: str = "") -> str:
 
 
 def reachable_hosts(host: str) -> list[str]:
-    """The addresses at which other machines reach one that listens on ``host``."""
+    """The addresses at which other machines reach a server that listens on ``host``."""
     if not ipaddress.ip_address(host).is_unspecified:
         return [host]
     return list(dict.fromkeys(own_addresses())) or [socket.gethostname()]
@@ -55,14 +55,14 @@ def own_names() -> set[str]:
 
 
 def qr_lines(text: str) -> str:
-    """A QR code for a terminal, in half blocks of white on black, whatever its own colours are."""
+    """A QR code for a terminal, in half blocks, with explicit colours: white on black."""
     import io
 
     import segno
 
     out = io.StringIO()
     segno.make(text, error="l").terminal(out, compact=True)
-    # On a light terminal its own colours would give a negative, which not every camera reads.
+    # A light terminal's own colours would make a negative, which some cameras cannot read.
     lines = out.getvalue().splitlines()
     return "\n".join(f"\x1b[38;5;231;48;5;16m{line}\x1b[0m" for line in lines)
 
@@ -78,10 +78,10 @@ SERVED = "web-served.json"
 
 
 def last_served(folder: Path) -> tuple[Place, bool]:
-    """Where the page was served last, and whether over TLS.
+    """The address and port at which the page was last served, and whether over TLS.
 
     Raises:
-        ConfigError: That is not known.
+        ConfigError: They are not known.
     """
     path = folder / SERVED
     try:
@@ -94,7 +94,7 @@ def last_served(folder: Path) -> tuple[Place, bool]:
     except (OSError, ValueError) as error:
         why = f"{path} cannot be used: {getattr(error, 'strerror', None) or error}"
     raise ConfigError(
-        f"It is not known where the page was served last: {why}.",
+        f"The page's last address is not known: {why}.",
         remedy="Start `yahboomd web --listen 0.0.0.0:8480` first, or add --listen here.",
     )
 
@@ -112,7 +112,7 @@ def print_links(place: Place, tokens: Tokens, *, tls: bool) -> None:
 
 
 def announce(place: Place, tokens: Tokens, folder: Path, *, tls: bool) -> None:
-    """Show the links on a terminal, and only how to see them in a log."""
+    """Print the links on a terminal; in a log, only how to see them."""
     with contextlib.suppress(OSError):
         keep(folder, SERVED, msgspec.json.encode(Served(listen=str(place), tls=tls)))
     if sys.stdout.isatty():
@@ -124,7 +124,7 @@ def announce(place: Place, tokens: Tokens, folder: Path, *, tls: bool) -> None:
         )
     if not tls:
         print(
-            "Without TLS everybody on that network can read along, the token too: "
+            "Without TLS everybody on that network can read the traffic, also the token: "
             "yahboomd web --make-certificate",
             flush=True,
         )

@@ -1,4 +1,4 @@
-"""Recording from a page, and the recordings that are there: bounded, listed, removed on purpose."""
+"""Recording from a page, and the stored recordings: bounded, listed, deleted on request."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from yahboomd.web.child_command import END_S, Child
 from yahboomd.web.page_frames import part
 
 ONE_BYTES = 500_000_000
-"""Of one recording the newest part is kept: five hours of a robot at 50 Hz."""
+"""The newest part of a recording is kept: five hours of a robot at 50 Hz."""
 
 ALL_BYTES = 4_000_000_000
-"""With so much there, none begins."""
+"""The size of all recordings above which none begins."""
 
 FREE_BYTES = 1_000_000_000
-"""Room that recordings leave to the rest of the machine."""
+"""Disk space that recordings leave free."""
 
 MOST = 200
-"""Recordings that are kept; with as many none begins."""
+"""The number of recordings at which none begins."""
 
 LONGEST_S = 6 * 3600
 
 ALONE_S = 60.0
-"""A recording ends when no page of a driver was there for so long."""
+"""A recording ends when no driver's page was open for this time."""
 
 SHOWN_S = 1.0
 
@@ -77,7 +77,7 @@ class PageRecordings:
         )
 
     async def begin(self) -> str:
-        """Start a recording; why not, in words, or nothing."""
+        """Start a recording; returns the reason if it is refused, else an empty text."""
         async with self._beginning:
             return await self._begin()
 
@@ -98,7 +98,7 @@ class PageRecordings:
         return ""
 
     def stop(self) -> str:
-        """End the recording; why not, in words, or nothing."""
+        """End the recording; returns the reason if it is refused, else an empty text."""
         if self._task is None:
             return "No recording runs."
         self._stop.set()
@@ -133,12 +133,12 @@ class PageRecordings:
         self._changed()
 
     def driver_came(self, page: int) -> None:
-        """A page that may record is there."""
+        """A page that may record was opened."""
         self._drivers.add(page)
         self._alone.set(None)
 
     def page_left(self, page: int) -> None:
-        """A page has gone; with the last driver's a recording ends soon."""
+        """A page was closed; after the last driver's, a recording ends soon."""
         self._drivers.discard(page)
         if not self._drivers and self._task is not None:
             self._alone.set(self._clock.now_ns() + int(ALONE_S * 1e9))
@@ -151,7 +151,7 @@ class PageRecordings:
             self._stop.set()
             await asyncio.wait([task])
 
-    # What is there.
+    # Stored recordings.
 
     def _folders(self) -> list[Path]:
         try:
@@ -206,7 +206,7 @@ class PageRecordings:
         }
 
     def file(self, name: str, file: str) -> Path | None:
-        """A file of a recording; None where there is no such file, whatever the names say."""
+        """A file of a recording; None if there is no such file, for any names."""
         if not NAME.fullmatch(name) or not FILE.fullmatch(file):
             return None
         path = self._folder / name / file
@@ -215,7 +215,7 @@ class PageRecordings:
         return path
 
     async def delete(self, name: object) -> str:
-        """Remove a recording; why not, in words, or nothing."""
+        """Remove a recording; returns the reason if it is refused, else an empty text."""
         if not isinstance(name, str) or not NAME.fullmatch(name):
             return GONE
         if self._task is not None and name == self._name:
@@ -270,7 +270,7 @@ def _entry(folder: Path, running: bool) -> dict[str, Any] | None:
 
 
 def _remove(folder: Path) -> str:
-    """Remove the files of a recording, and its folder where nothing else is in it."""
+    """Remove the files of a recording, and its folder if nothing else is in it."""
     if not _is_folder(folder) or not _files(folder):
         return GONE
     try:

@@ -1,4 +1,4 @@
-"""One page: what is to be sent to it, the newest of each kind, and its frames."""
+"""One page: its queued frames, the newest sample of each kind, and the limit of its own frames."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ QUEUED = 64
 """Events and answers kept for a slow page; the oldest are dropped and counted."""
 
 STUCK_S = 5.0
-"""A page that takes nothing for so long is closed."""
+"""A page that takes no data for this time is closed."""
 
 FRAMES_PER_S = 100
 """Frames that a page may send; it needs 22."""
@@ -25,11 +25,11 @@ BURST = 200
 
 
 class PageSession:
-    """A WebSocket, from the moment when it was accepted.
+    """An accepted WebSocket.
 
     Args:
-        number: Names it to other pages.
-        joined: The latest beat then.
+        number: Its name for other pages.
+        joined: The latest beat when it connected.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class PageSession:
         self._wake.set()
 
     async def send(self) -> None:
-        """Send what there is, for ever.
+        """Send queued frames and newest samples until cancelled.
 
         Raises:
             TimeoutError: The page takes nothing.
@@ -81,7 +81,7 @@ class PageSession:
                 await self._socket.send_text((b"[" + b",".join(parts) + b"]").decode())
 
     def may_send(self) -> bool:
-        """Count a frame that came; whether the page sends no more than it may."""
+        """Count a received frame; returns whether the page is within its limit."""
         now_ns = self._clock.now_ns()
         earned = (now_ns - self._counted_ns) / NS_PER_S * FRAMES_PER_S
         self._counted_ns = now_ns

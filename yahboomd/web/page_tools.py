@@ -1,4 +1,4 @@
-"""What a page can do besides driving: calibrate, record, and ask why the robot stopped."""
+"""The tools of a page besides driving: calibrate, record, and ask why the robot stopped."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class ToolSettings(msgspec.Struct, frozen=True, kw_only=True):
     """The surroundings of the commands that pages start.
 
     Attributes:
-        robot: Options of every command that talks to the daemon: where it is.
+        robot: Options with the daemon's address, for every command that talks to it.
     """
 
     robot: tuple[str, ...]
@@ -74,15 +74,15 @@ class PageTools:
         return not words, words
 
     def hold(self, page: int, hold: HoldFrame) -> str:
-        """The button of the calibration is held; why that moves nothing, or nothing."""
+        """The calibration's button is held; returns the reason if that is refused, or empty."""
         return self.calibration.hold(page, hold.question)
 
     def page_left(self, page: int) -> None:
-        """A page has gone."""
+        """A page was closed."""
         self.recordings.page_left(page)
 
     def stop(self) -> None:
-        """Stop what moves, now."""
+        """Stop all motion now."""
         self.calibration.end()
 
     async def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Limits how often an address may try: so many failures at once, then one every few seconds."""
+"""Limits the failures of an address: a burst at once, then one every few seconds."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from yahboomd.core.clock import Clock
 from yahboomd.core.model import NS_PER_S
 
 ADDRESSES = 1024
-"""Addresses that are remembered; the one that failed least lately is forgotten for another."""
+"""The number of addresses remembered; the one with the oldest latest failure is dropped."""
 
 
 class RateLimit:
@@ -16,18 +16,18 @@ class RateLimit:
 
     Args:
         burst: Failures that are allowed at once.
-        every_s: Then one in so many seconds.
+        every_s: The seconds after which another one is allowed.
     """
 
     def __init__(self, clock: Clock, *, burst: int, every_s: float) -> None:
         self._clock = clock
         self._every_ns = round(every_s * NS_PER_S)
         self._most_ns = burst * self._every_ns
-        # When each one's failures are forgiven.
+        # The time at which all failures of an address are forgiven.
         self._until_ns: dict[str, int] = {}
 
     def wait_s(self, address: str) -> int:
-        """Whole seconds until this address may try again; 0 where it may now."""
+        """Whole seconds until this address may try again; 0 if it may now."""
         left_ns = self._until_ns.get(_network(address), 0) - self._clock.now_ns()
         over_ns = left_ns - self._most_ns + self._every_ns
         return -(-over_ns // NS_PER_S) if over_ns > 0 else 0
@@ -42,7 +42,7 @@ class RateLimit:
 
 
 def _network(address: str) -> str:
-    """One machine has a whole /64 of IPv6."""
+    """The address; for IPv6 its /64, since one machine may use all of that."""
     try:
         found = ipaddress.ip_address(address)
     except ValueError:

@@ -1,8 +1,8 @@
-"""Is a request from our own page? By its Host and Origin.
+"""Checks by Host and Origin whether a request comes from our own page.
 
-Any website can have a name of its own point at this machine (DNS rebinding), and any website's
-script can send requests here. So Host has to be an address or a name of this machine, and Origin,
-which a script cannot forge, has to be the same.
+Any website can point a name of its own at this machine (DNS rebinding), and any website's script
+can send requests here. So Host has to be an address or a name of this machine, and Origin, which a
+script cannot forge, has to match it.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ class RequestOrigin:
     """The names under which the page is served.
 
     Args:
-        names: Of this machine, besides its addresses.
-        local: Whether only programs on this machine reach it: then `localhost` and loopback
-            addresses are all.
+        names: The names of this machine, besides its addresses.
+        local: Whether only programs on this machine reach it: then only `localhost` and loopback
+            addresses are accepted.
         tls: Whether it is served over TLS.
     """
 

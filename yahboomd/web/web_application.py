@@ -62,10 +62,10 @@ class WebApplication:
     """The application of one robot.
 
     Args:
-        origin: Recognises requests of the page's own.
-        tokens: Of the people who may enter; None where everybody who reaches it may drive.
+        origin: Recognises requests of our own page.
+        tokens: The tokens that give access; None if everybody who reaches it may drive.
         secure: Whether cookies may only travel over TLS.
-        port: Where it is served; cookies of two servers on one machine have different names.
+        port: The port that it is served on; the cookies of each port have names of their own.
     """
 
     def __init__(
@@ -144,7 +144,7 @@ class WebApplication:
         role = "driver" if self._tokens is None else self._tokens.role(token)
         if role is None:
             self._logins.failed(address)
-            return _json(403, text=f"This link is not good any more. {NO_SESSION}")
+            return _json(403, text=f"This link is no longer valid. {NO_SESSION}")
         answer = Response(status_code=204, headers={"cache-control": "no-store"})
         if self._tokens is not None:
             answer.set_cookie(
@@ -176,7 +176,7 @@ class WebApplication:
 
 
 class OriginGuard:
-    """Refuses what is not from our own page, and adds the headers of every answer."""
+    """Refuses requests that are not from our own page, and adds the headers of every answer."""
 
     def __init__(self, application: ASGIApp, origin: RequestOrigin) -> None:
         self._application = application
@@ -220,7 +220,7 @@ def _json(status: int, **fields: object) -> Response:
 
 
 async def _body(request: Request) -> bytes | None:
-    """The body; None where it is too large or too slow."""
+    """The body; None if it is too large or too slow."""
     body = b""
     try:
         async with asyncio.timeout(BODY_S):

@@ -1,7 +1,7 @@
-"""The web server: listens, limits connections, and ends in order.
+"""The web server: listens, limits connections, and shuts down in order.
 
-Over any limit the connection that has waited longest without being a page is closed, of the address
-that has the most: so a new one, with an emergency stop in it, is always served.
+When a limit is exceeded, the address with the most waiting connections loses its oldest one. So a
+new connection, which may carry an emergency stop, is always served.
 """
 
 from __future__ import annotations
@@ -34,24 +34,24 @@ if TYPE_CHECKING:
     from starlette.types import ASGIApp
 
 MAX_OPEN = 192
-"""Connections that are no pages."""
+"""The most connections that are not pages."""
 
 WAIT_S = 10.0
 """Time for a connection to become a page or to send its request."""
 
 UNSENT_BYTES = 16384
-"""A page that reads slowly has at most so much waiting for it, here and in the kernel each."""
+"""The most bytes queued for a slow page, here and in the kernel each."""
 
 UNREAD_BYTES = 8192
-"""So much is asked of the kernel for what comes: one who floods us fills no more in one turn."""
+"""The receive buffer requested from the kernel: a flood delivers no more than this at once."""
 
 ODD_FRAMES = 20
-"""Frames that no browser's page sends, pings and pieces, that one may send; then one a second."""
+"""Frames that no browser sends (pings, fragments) allowed at once; then one a second."""
 
 BACKLOG = 1024
 
 FILES = 4096
-"""Open files: connections cost one each, also while their TLS begins."""
+"""Open files: each connection costs one, also during its TLS handshake."""
 
 TCP_NOTSENT_LOWAT = 25
 """Of linux/tcp.h."""
@@ -74,7 +74,7 @@ class Certificate(msgspec.Struct, frozen=True, kw_only=True):
         for path in (self.certificate, self.key):
             try:
                 if path.exists() and not path.is_file():
-                    # A pipe would hang the start.
+                    # A pipe would block the start.
                     raise ConfigError(f"{path} cannot be read: it is no ordinary file.")
                 path.read_bytes()
             except OSError as error:
@@ -86,7 +86,7 @@ class Certificate(msgspec.Struct, frozen=True, kw_only=True):
             context.load_cert_chain(self.certificate, self.key)
         except ssl.SSLError as error:
             raise ConfigError(
-                f"{self.certificate} and {self.key} are no certificate and its key "
+                f"{self.certificate} and {self.key} are not a certificate and its key "
                 f"({error.reason or 'not PEM'}).",
                 remedy="Make both with `yahboomd web --make-certificate`.",
             ) from error
@@ -97,7 +97,7 @@ def listen(host: str, port: int) -> socket.socket:
     """Listen on an address.
 
     Raises:
-        ListenError: It is taken, or not of this machine.
+        ListenError: It is in use, or does not belong to this machine.
     """
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     listener = socket.socket(family)
@@ -106,7 +106,7 @@ def listen(host: str, port: int) -> socket.socket:
         # Connections inherit it.
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, UNREAD_BYTES)
         listener.bind((host, port))
-        # From now on connections wait, until they are accepted.
+        # From now on the kernel queues connections.
         listener.listen(BACKLOG)
     except OSError as error:
         listener.close()
@@ -118,10 +118,10 @@ def listen(host: str, port: int) -> socket.socket:
 
 
 class WebServer(Server):
-    """Serves an application until :attr:`should_exit`; signals are its caller's."""
+    """Serves an application until :attr:`should_exit`; the caller handles signals."""
 
     def __init__(self, application: ASGIApp, context: ssl.SSLContext | None) -> None:
-        # Frames of the WebSocket are compressed for none: it costs CPU for each page.
+        # WebSocket frames are not compressed, which would cost CPU for each page.
         config = WebConfig(
             application,
             http=CountedConnection,
@@ -141,7 +141,7 @@ class WebServer(Server):
         )
         config.load()
         config.tls = context
-        # What a client sent may be in its lines.
+        # Its lines may contain text from clients.
         logging.getLogger("uvicorn").setLevel(logging.CRITICAL)
         super().__init__(config)
 
@@ -151,7 +151,7 @@ class WebServer(Server):
         yield
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """End every connection, also those whose TLS begins."""
+        """End every connection, also those in a TLS handshake."""
         for each in list(CountedConnection.waiting):
             if not each.begun:
                 each.close()
@@ -159,13 +159,13 @@ class WebServer(Server):
 
 
 class WebConfig(Config):
-    """The settings of the server, which begins TLS itself: asyncio bounds not how many wait."""
+    """The settings of the server, which starts TLS itself: asyncio does not limit handshakes."""
 
     tls: ssl.SSLContext | None = None
 
 
 class CountedConnection(H11Protocol):
-    """One connection, which is counted until it is a page."""
+    """One connection, counted until it becomes a page."""
 
     waiting: ClassVar[dict[CountedConnection, str]] = {}
 
@@ -176,7 +176,7 @@ class CountedConnection(H11Protocol):
     _early = b""
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Count it, and close another one where there are too many."""
+        """Count it, and close another one if there are too many."""
         self._socket = transport
         self._deadline = self.loop.call_later(WAIT_S, self._overdue)
         client = get_remote_addr(transport)
@@ -193,7 +193,7 @@ class CountedConnection(H11Protocol):
     async def _enter(self, context: ssl.SSLContext) -> None:
         if self._socket.is_closing():
             return
-        # Nothing counts that came before TLS.
+        # Ignore bytes from before the handshake.
         self._early = b""
         try:
             transport = await self.loop.start_tls(
@@ -217,7 +217,7 @@ class CountedConnection(H11Protocol):
             own.setsockopt(socket.IPPROTO_TCP, TCP_NOTSENT_LOWAT, UNSENT_BYTES)
 
     def data_received(self, data: bytes) -> None:
-        """Read it; what comes in one piece with the end of the handshake waits for its turn."""
+        """Process data; bytes that arrive with the end of the handshake are kept until it ends."""
         if self.begun:
             super().data_received(data)
         else:
@@ -230,12 +230,12 @@ class CountedConnection(H11Protocol):
             super().connection_lost(exc)
 
     def handle_websocket_upgrade(self, event: h11.Request) -> None:
-        """Become a page, which has limits of its own."""
+        """Become a page, which has its own limits."""
         self._leave()
         super().handle_websocket_upgrade(event)
 
     def send_400_response(self, msg: str) -> None:
-        """Refuse what is no HTTP, with the headers of every answer."""
+        """Refuse a request that is not HTTP, with the headers of every answer."""
         headers = {"content-type": "text/plain; charset=utf-8", "connection": "close", **HEADERS}
         answer = h11.Response(status_code=400, reason=b"Bad Request", headers=[*headers.items()])
         for event in (answer, h11.Data(data=msg.encode()), h11.EndOfMessage()):
@@ -243,7 +243,7 @@ class CountedConnection(H11Protocol):
         self.transport.close()
 
     def on_response_complete(self) -> None:
-        """Wait for the next request from now on."""
+        """Restart the time for the next request."""
         super().on_response_complete()
         if self._deadline is not None:
             self._deadline.cancel()
@@ -260,7 +260,7 @@ class CountedConnection(H11Protocol):
         if cycle is None or cycle.response_complete or not is_download(cycle.scope["path"]):
             self.close()
         else:
-            # It ends by itself where nothing is read any more.
+            # A download ends by itself if the browser stops reading.
             self._deadline = self.loop.call_later(WAIT_S, self._overdue)
 
     def close(self) -> None:
@@ -278,7 +278,7 @@ class PageSocket(WebSocketsSansIOProtocol):
     _counted_s = 0.0
 
     def handle_ping(self) -> None:
-        """Answer, unless the page sends many, or reads none of the answers."""
+        """Answer, unless the page sends too many or does not read the answers."""
         if self.transport.get_write_buffer_size() > UNSENT_BYTES:
             self.transport.abort()
         elif self._may_send():
@@ -289,12 +289,12 @@ class PageSocket(WebSocketsSansIOProtocol):
         self._may_send()
 
     def handle_cont(self, event: Frame) -> None:
-        """Keep a piece of a message, unless there are many, which may all be empty."""
+        """Keep a fragment of a message, unless there are too many, which may all be empty."""
         if self._may_send():
             super().handle_cont(event)
 
     def _may_send(self) -> bool:
-        """Count an odd frame; cut the page off that sends too many."""
+        """Count an odd frame; disconnect a page that sends too many."""
         now_s = self.loop.time()
         self._credit = min(ODD_FRAMES, self._credit + now_s - self._counted_s) - 1.0
         self._counted_s = now_s

@@ -82,6 +82,6 @@ def test_a_damaged_memory_of_that_is_named(tmp_path: Path, content: bytes | None
     with pytest.raises(ConfigError) as refused:
         last_served(tmp_path)
     assert refused.value.message.startswith(
-        f"It is not known where the page was served last: {why.format(path=path)}"
+        f"The page's last address is not known: {why.format(path=path)}"
     )
     assert "add --listen" in refused.value.remedy
