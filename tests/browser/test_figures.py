@@ -33,7 +33,7 @@ window.WebSocket = class extends WebSocket {
 FRAMES = """(async () => {
   const [{ map }, { Live }] = await Promise.all([import("/page/map.js"), import("/page/live.js")]);
   const live = new Live();
-  const view = map.create({ live, connection: {} });
+  const view = map.create({ live, connection: {}, onStop: new Set() });
   document.querySelector("#main").prepend(view.element);
   view.element.style.height = "100%";
   const pose = (n) => live.emit("pose", { sample: {

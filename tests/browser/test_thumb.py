@@ -66,7 +66,7 @@ LOSSES: dict[str, Callable[[Page], None]] = {
 }
 
 
-IN_SHORT = {"tab hidden", "screen locked", "page reloaded"}
+IN_SHORT = {"screen locked", "page reloaded"}
 
 
 def screen(page: Page, width: int, height: int, angle: int = 0) -> None:

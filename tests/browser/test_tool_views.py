@@ -109,7 +109,7 @@ LOSSES: dict[str, Callable[[Page], None]] = {
     "another view": another_view,
     "second finger": second_finger,
 }
-SHORT = {"released", "tab hidden"}
+SHORT = {"released"}
 
 
 @pytest.mark.parametrize(

@@ -77,6 +77,9 @@ class MoveRun:
 
     Entering asks for them; leaving ends them, if they are not over. An asynchronous iterator over
     their progress, which ends with them. ``await run.finished()`` waits for the goal.
+
+    Args:
+        beats: Whether it keeps the moves alive by itself; if not, each :meth:`beat` does.
     """
 
     def __init__(
@@ -86,12 +89,14 @@ class MoveRun:
         *,
         by: str = "",
         uncertain_m: float | None = None,
+        beats: bool = True,
     ) -> None:
         if not 1 <= len(moves) <= MOST_MOVES:
             raise ValueError(f"1 to {MOST_MOVES} moves can be asked for at once, not {len(moves)}.")
         self.id = ""
         self.newest: MoveSample | None = None
         self._robot = robot
+        self._beats = beats
         self._holder = secrets.token_hex(8)
         self._request = MoveRequest(
             moves=tuple(moves), by=by or None, holder=self._holder, uncertain_m=uncertain_m
@@ -129,7 +134,7 @@ class MoveRun:
             raise
         for sample in [each for each in self._samples if each.id != self.id]:
             self._samples.remove(sample)
-        self._beating = asyncio.create_task(self._beat(bus), name="client-moves")
+        self._beating = asyncio.create_task(self._keep(), name="client-moves")
         self._look()
 
     async def _ask(self) -> str:
@@ -172,19 +177,24 @@ class MoveRun:
         self._over.set()
         self._came.set()
 
-    async def _beat(self, bus: Bus) -> None:
-        key, payload = bus.key(BEAT), encode(MoveBeat(id=self.id), "json")
+    def beat(self) -> None:
+        """Keep the moves alive for half a second more."""
+        bus = self._robot.bus
+        bus.session.put(
+            bus.key(BEAT),
+            encode(MoveBeat(id=self.id), "json"),
+            encoding=encoding_name(MoveBeat, "json"),
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.REAL_TIME,
+            express=True,
+        )
+
+    async def _keep(self) -> None:
         heard = asyncio.get_running_loop().time()
         newest = self.newest
         while not self._over.is_set():
-            bus.session.put(
-                key,
-                payload,
-                encoding=encoding_name(MoveBeat, "json"),
-                congestion_control=zenoh.CongestionControl.DROP,
-                priority=zenoh.Priority.REAL_TIME,
-                express=True,
-            )
+            if self._beats:
+                self.beat()
             await asyncio.sleep(BEAT_S)
             now = asyncio.get_running_loop().time()
             if self.newest is not newest:

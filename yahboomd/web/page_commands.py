@@ -3,7 +3,8 @@
 - One page has control: a driver's page that asked for it. Where another page had it, the wheels are
   stopped first.
 - A command that asks for motion becomes one sample on the bus, or none: it is refused where its
-  beat is older than :data:`~yahboomd.web.beats.LAPSE_NS`. Nothing is repeated.
+  beat is older than :data:`~yahboomd.web.beats.LAPSE_NS`. Nothing is repeated. A place of the map
+  that is held is such a command, and becomes a beat of its move.
 - A zero from the page in control always stops, however old its beat.
 - Where motion is refused, where the page falls silent in mid-motion, is displaced, or is closed,
   the wheels get zeros for a second; then nothing, because a zero holds control of the robot.
@@ -13,6 +14,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import ClassVar, TypeAlias
 
 import msgspec
 
@@ -22,6 +24,21 @@ from yahboomd.web.beats import LAPSE_NS, PERIOD_NS
 
 ZEROS_NS = 1_000_000_000
 """For so long zeros follow motion."""
+
+
+class Aim(msgspec.Struct, frozen=True, kw_only=True):
+    """A place to go to, or to look at, while it is held: metres of the odometry frame."""
+
+    x: float
+    y: float
+    turn: bool = False
+    speed_m_s: float
+    turn_rad_s: float
+
+    is_zero: ClassVar[bool] = False
+
+
+Wanted: TypeAlias = Twist2d | Aim
 
 
 class PageRefusal(msgspec.Struct, frozen=True, kw_only=True):
@@ -52,7 +69,7 @@ class PageCommands:
     """The commands of all pages.
 
     Args:
-        obstacle: The reason why no page can drive now, if there is one.
+        obstacle: The reason why no page can drive so now, if there is one.
         changed: Called when another page has control, or none.
         lapsed: Called with the page that fell silent in mid-motion.
     """
@@ -60,9 +77,9 @@ class PageCommands:
     def __init__(
         self,
         clock: Clock,
-        put: Callable[[Twist2d], None],
+        put: Callable[[Wanted], None],
         *,
-        obstacle: Callable[[], PageRefusal | None],
+        obstacle: Callable[[Wanted], PageRefusal | None],
         changed: Callable[[], None],
         lapsed: Callable[[int, PageRefusal], None],
     ) -> None:
@@ -73,7 +90,7 @@ class PageCommands:
         self._lapsed = lapsed
         self._driver: int | None = None
         self._ended = False
-        self._moving = False
+        self._moving: type[Wanted] | None = None
         self._moved_ns: int | None = None
         self._pressed = set[int]()
         self._silence = clock.alarm(self._fell_silent)
@@ -103,28 +120,28 @@ class PageCommands:
         self.give_back(page)
         self._pressed.discard(page)
 
-    def command(self, page: int, twist: Twist2d, age_ns: int | None) -> PageRefusal | None:
+    def command(self, page: int, wanted: Wanted, age_ns: int | None) -> PageRefusal | None:
         """Obey a command, or say why not.
 
         Args:
             age_ns: How old its beat is; None where that is unknown.
         """
-        if twist.is_zero:
+        if wanted.is_zero:
             self._pressed.discard(page)
             if page == self._driver:
                 self._zero()
             return None
-        refusal = self._refusal(page, age_ns)
+        refusal = self._refusal(page, wanted, age_ns)
         if refusal is not None:
             self._pressed.add(page)
             if page == self._driver:
                 self._stop()
             return refusal
         self._zeros.set(None)
-        self._moving = True
+        self._moving = type(wanted)
         self._moved_ns = self._clock.now_ns()
         self._silence.set(self._moved_ns + LAPSE_NS)
-        self._put(twist)
+        self._put(wanted)
         return None
 
     def end(self) -> None:
@@ -136,16 +153,18 @@ class PageCommands:
         self._silence.close()
         self._zeros.close()
 
-    def _refusal(self, page: int, age_ns: int | None) -> PageRefusal | None:
+    def _refusal(self, page: int, wanted: Wanted, age_ns: int | None) -> PageRefusal | None:
         if self._ended:
             return ENDED
         if page != self._driver:
             return NOT_YOURS
-        if obstacle := self._obstacle():
+        if obstacle := self._obstacle(wanted):
             return obstacle
         if age_ns is None or age_ns > LAPSE_NS:
             return PageRefusal(why="late", text=LATE, age_ns=age_ns)
-        return LET_GO if page in self._pressed else None
+        # Of joystick and map one is held, and let go before the other one counts.
+        other = self._moving is not None and not isinstance(wanted, self._moving)
+        return LET_GO if other or page in self._pressed else None
 
     def _zero(self) -> None:
         # The page repeats its zeros itself, for as long as they are good for.
@@ -153,7 +172,7 @@ class PageCommands:
         if self._moving or (since_ns is not None and since_ns < ZEROS_NS + LAPSE_NS):
             if self._moving:
                 self._moved_ns = self._clock.now_ns()
-            self._moving = False
+            self._moving = None
             self._silence.set(None)
             self._put(STANDSTILL)
 

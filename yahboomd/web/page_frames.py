@@ -12,6 +12,8 @@ Role: TypeAlias = Literal["driver", "viewer"]
 MAX_BYTES = 2048
 """Of a frame, and of the body of a request."""
 
+_Place = Annotated[float, Meta(ge=-1e6, le=1e6)]
+_Speed = Annotated[float, Meta(gt=0.0, le=1000.0)]
 _Number = Annotated[int, Meta(ge=0, le=1 << 53)]
 
 
@@ -22,6 +24,24 @@ class Drive(msgspec.Struct, frozen=True, tag="drive"):
     vx: float
     vy: float
     wz: float
+
+
+class Go(msgspec.Struct, frozen=True, tag="go"):
+    """A place of the map is held: the robot goes there, or turns to look there.
+
+    Attributes:
+        x: Metres, in the odometry frame.
+        y: Metres.
+        speed_m_s: The fastest that the page's speed limit allows.
+        turn_rad_s: The same for turning.
+    """
+
+    beat: _Number
+    x: _Place
+    y: _Place
+    turn: bool
+    speed_m_s: _Speed
+    turn_rad_s: _Speed
 
 
 class Control(msgspec.Struct, frozen=True, tag="control"):
@@ -76,7 +96,9 @@ class LetGo(msgspec.Struct, frozen=True, tag="let_go"):
     """The button of a calibration was let go."""
 
 
-PageFrame: TypeAlias = Drive | Control | RequestFrame | StopFrame | Seen | Tool | HoldFrame | LetGo
+PageFrame: TypeAlias = (
+    Drive | Go | Control | RequestFrame | StopFrame | Seen | Tool | HoldFrame | LetGo
+)
 
 _decoder: msgspec.json.Decoder[PageFrame] = msgspec.json.Decoder(PageFrame)
 _encoder = msgspec.json.Encoder()

@@ -17,10 +17,11 @@ from yahboomd.core.messages.codecs import encode
 from yahboomd.core.messages.native import EventSample
 from yahboomd.core.model import Twist2d, velocity_problem
 from yahboomd.web.beats import LAPSE_NS, PERIOD_NS, Beats
-from yahboomd.web.page_commands import LATE, NOT_YOURS, PageCommands, PageRefusal
+from yahboomd.web.page_commands import LATE, NOT_YOURS, Aim, PageCommands, PageRefusal, Wanted
 from yahboomd.web.page_frames import (
     Control,
     Drive,
+    Go,
     HoldFrame,
     LetGo,
     PageFrame,
@@ -33,6 +34,7 @@ from yahboomd.web.page_frames import (
     read_frame,
     sample_part,
 )
+from yahboomd.web.page_moves import NO_MOVES, PageMoves
 from yahboomd.web.page_session import PageSession
 from yahboomd.web.page_tools import PageTools, ToolSettings
 from yahboomd.web.robot_feed import RobotFeed, daemon_part
@@ -92,9 +94,12 @@ class PageHub:
             changed=self._robot_changed,
             happened=self._event_came,
         )
+        self.moves = PageMoves(self.robot, lambda: self._show({"move": self.moves.shown()}))
+        self._aims = False
+        self._has_moves = False
         self._commands = PageCommands(
             clock,
-            self.robot.put,
+            self._put,
             obstacle=self._obstacle,
             changed=self._show_control,
             lapsed=self._lapsed,
@@ -119,6 +124,7 @@ class PageHub:
         finally:
             beating.cancel()
             await asyncio.gather(beating, return_exceptions=True)
+            await self.moves.close()
             await self.tools.close()
             self._commands.close()
 
@@ -140,7 +146,7 @@ class PageHub:
         page.queue(daemon_part(self.robot))
         page.queue(self._control(page))
         page.queue(b'{"type":"events","samples":[' + b",".join(self._events) + b"]}")
-        page.show(self.robot.known | self.tools.shown())
+        page.show(self.robot.known | self.tools.shown() | {"move": self.moves.shown()})
         if role == "driver":
             self.tools.recordings.driver_came(page.number)
         sending = asyncio.create_task(page.send(), name="web-send")
@@ -182,6 +188,9 @@ class PageHub:
             case Drive():
                 if (refusal := self._drive(page, frame)) is not None:
                     self._refuse(page, refusal)
+            case Go():
+                if (refusal := self._go(page, frame)) is not None:
+                    self._refuse(page, refusal, "go")
             case Control(want=want, if_free=if_free):
                 if page.role != "driver":
                     self._refuse(page, VIEWER)
@@ -216,7 +225,33 @@ class PageHub:
         age_ns = self._beats.age_ns(frame.beat, page.joined)
         return self._commands.command(page.number, twist, age_ns)
 
-    def _obstacle(self) -> PageRefusal | None:
+    def _go(self, page: PageSession, frame: Go) -> PageRefusal | None:
+        if page.role != "driver":
+            return VIEWER
+        aim = Aim(
+            x=frame.x,
+            y=frame.y,
+            turn=frame.turn,
+            speed_m_s=frame.speed_m_s,
+            turn_rad_s=frame.turn_rad_s,
+        )
+        age_ns = self._beats.age_ns(frame.beat, page.joined)
+        return self._commands.command(page.number, aim, age_ns)
+
+    def _put(self, wanted: Wanted) -> None:
+        if isinstance(wanted, Aim):
+            self._aims = True
+            self.moves.hold(wanted)
+            return
+        self.moves.let_go()
+        self._aims = self._aims and wanted.is_zero
+        # A zero of the page's own would have control, and the next move had to wait for its end.
+        if not self._aims:
+            self.robot.put(wanted)
+
+    def _obstacle(self, wanted: Wanted) -> PageRefusal | None:
+        if isinstance(wanted, Aim) and not self.robot.has_moves:
+            return self.robot.obstacle() or NO_MOVES
         if self.tools.calibration.page is not None:
             return CALIBRATES
         return self.robot.obstacle()
@@ -294,6 +329,8 @@ class PageHub:
         parts |= self.robot.fresh()
         if (self._commands.driver, self.robot.driver) != self._driver:
             self._show_control()
+        if self.robot.has_moves != self._has_moves:
+            self._robot_changed()
         self._show(parts)
 
     def _hello(self, page: PageSession) -> bytes:
@@ -305,6 +342,7 @@ class PageHub:
             version=__version__,
             limits=self.robot.limits or None,
             barred=self.robot.barred,
+            no_moves="" if self._has_moves else NO_MOVES.text,
             lapse_ms=LAPSE_NS // NS_PER_MS,
             source=self.robot.source,
             views=VIEWS,
@@ -330,6 +368,7 @@ class PageHub:
             page.show(parts)
 
     def _robot_changed(self) -> None:
+        self._has_moves = self.robot.has_moves
         daemon = daemon_part(self.robot)
         for page in self._pages.values():
             page.queue(self._hello(page))
@@ -344,7 +383,7 @@ class PageHub:
     def _lapsed(self, page: int, refusal: PageRefusal) -> None:
         if (session := self._pages.get(page)) is not None:
             session.refused_ns = 0
-            self._refuse(session, refusal)
+            self._refuse(session, refusal, "go" if self._aims else "drive")
 
 
 def _answered(number: int, *, ok: bool, text: str, data: object = None) -> bytes:

@@ -8,12 +8,15 @@ from collections.abc import Callable
 from typing import Any
 
 import msgspec
+import zenoh
 
 from yahboomd.client.commanding import ENCODING
 from yahboomd.client.connection import MAX_BYTES, Connection
+from yahboomd.client.move_messages import START
 from yahboomd.client.questions import Answer, ask, read_answers
 from yahboomd.client.streams import STATES, Newest, read_sample, reason
 from yahboomd.core.bus import keys
+from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.options import BusOptions
 from yahboomd.core.bus.publishers import BusPublisher
 from yahboomd.core.bus.subscriptions import Arrival
@@ -58,6 +61,7 @@ class RobotFeed:
         limits: The fastest that the robot drives; empty while the daemon is not there.
         barred: The reason why the daemon takes no commands from pages, by its configuration; empty
             where it does, or is not known to.
+        pose: The newest pose; None while none came from this daemon.
     """
 
     def __init__(
@@ -72,6 +76,7 @@ class RobotFeed:
         self.known: dict[str, bytes] = {}
         self.limits: dict[str, float] = {}
         self.barred = ""
+        self.pose: PoseSample | None = None
         self.source = source
         self.name = options.namespace
         self._clock = clock
@@ -80,6 +85,7 @@ class RobotFeed:
         self._connection = Connection(options, clock, self._presence_changed)
         self._newest: dict[str, Newest] = {}
         self._publisher: BusPublisher | None = None
+        self._mover: zenoh.Querier | None = None
         self._shown: StatusSample | None = None
         self._learning: asyncio.Task[None] | None = None
         self._estop: asyncio.Task[Answer] | None = None
@@ -98,12 +104,14 @@ class RobotFeed:
             self._publisher = bus.publisher(
                 self.source, encoding=ENCODING, priority="real_time", express=True
             )
+            # It asks nothing: it knows whether somebody would answer.
+            self._mover = bus.session.declare_querier(bus.key(START))
             bus.subscribe(keys.EVENTS, self._receive_events, max_bytes=MAX_BYTES)
             self._newest = {kind: Newest(bus, key) for kind, (key, _) in SAMPLES.items()}
             await asyncio.Event().wait()
         finally:
             self._newest = {}
-            self._publisher = None
+            self._publisher = self._mover = None
             if self._learning is not None:
                 self._learning.cancel()
             await connection.close()
@@ -119,6 +127,22 @@ class RobotFeed:
         if self.alive:
             return ""
         return self._connection.problem or f"No yahboomd answers at {self._connection.where} yet."
+
+    @property
+    def has_moves(self) -> bool:
+        """Whether `yahboomd moves` is there."""
+        # The stubs call the status a bool, which is what it holds.
+        status: object = None if self._mover is None else self._mover.matching_status
+        return bool(getattr(status, "matching", status))
+
+    @property
+    def bus(self) -> Bus:
+        """The open session.
+
+        Raises:
+            NoDaemon: No router answered yet.
+        """
+        return self._connection.bus
 
     @property
     def state(self) -> str:
@@ -171,6 +195,8 @@ class RobotFeed:
                 continue
             if (sample := read_sample(payload, SAMPLES[kind][1])) is not None:
                 found[kind] = sample_part(kind, sample)
+                if isinstance(sample, PoseSample):
+                    self.pose = sample
         status = self._connection.status
         if status is not None and status is not self._shown:
             self._shown = status
@@ -193,34 +219,37 @@ class RobotFeed:
             await asyncio.wait([before])
         self._estop, self._next_estop = self._next_estop, None
         payload = encode(EstopRequest(by=LABEL), "json")
-        return await self._ask(keys.ESTOP, payload, urgent=True)
+        return await self.request(keys.ESTOP, payload, urgent=True)
 
     async def release(self) -> Answer:
         """Release the emergency stop, and clear a fault."""
-        return await self._ask(keys.ESTOP_RESET)
+        return await self.request(keys.ESTOP_RESET)
 
     async def reset_odometry(self) -> Answer:
         """Make the pose zero."""
-        return await self._ask(keys.ODOMETRY_RESET)
+        return await self.request(keys.ODOMETRY_RESET)
 
     async def set_pose(self, x: float, y: float, theta: float) -> Answer:
         """Have odometry go on from this pose."""
         wanted = SetPoseRequest(x=x, y=y, theta=theta)
-        return await self._ask(keys.ODOMETRY_SET_POSE, encode(wanted, "json"))
+        return await self.request(keys.ODOMETRY_SET_POSE, encode(wanted, "json"))
 
-    async def _ask(self, key: str, payload: bytes = b"{}", *, urgent: bool = False) -> Answer:
+    async def request(
+        self, key: str, payload: bytes = b"{}", *, timeout_s: float = ANSWER_S, urgent: bool = False
+    ) -> Answer:
+        """Ask a service; what became of it, as a value."""
         if not self._connection.is_open:
             return Answer(success=False, message=self.problem, answered=0)
         bus = self._connection.bus
         return read_answers(
-            await ask(bus.session, bus.key(key), payload, timeout_s=ANSWER_S, urgent=urgent)
+            await ask(bus.session, bus.key(key), payload, timeout_s=timeout_s, urgent=urgent)
         )
 
     def _presence_changed(self, alive: bool) -> None:
         self.known.clear()
         self.limits = {}
         self.barred = ""
-        self._shown = None
+        self._shown = self.pose = None
         if self._learning is not None:
             self._learning.cancel()
             self._learning = None
@@ -230,7 +259,7 @@ class RobotFeed:
 
     async def _learn(self) -> None:
         while True:
-            answer = await self._ask(keys.CONFIG)
+            answer = await self.request(keys.CONFIG)
             if answer.answered:
                 break
             # Without limits no page drives, and a busy machine may answer too late.

@@ -7,6 +7,7 @@ const STATES = {
   driving: "driving", standing: "standing", stopping: "stopping", estopped: "emergency stop",
   fault: "fault", waiting: "waiting",
 };
+const MOVES = "cmd_vel/moves";
 const OLD_MS = 3000; // Two statuses come in a second.
 
 const at = (id) => document.getElementById(id);
@@ -62,5 +63,6 @@ function who(live) {
   const page = control.mine ? "This page" : control.page_driver === null ? "No page" : "Another page";
   const driver = live.sample("status")?.driver;
   if (!driver) return `${page} has control.`;
+  if (driver === MOVES) return `${page} has control; a move drives.`;
   return driver === live.newest("hello")?.source ? `${page} drives.` : `${driver} drives.`;
 }

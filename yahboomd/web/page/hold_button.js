@@ -10,10 +10,10 @@ export class HoldButton {
    * @param onPress Called when it is pressed; returns whether that counts.
    * @param onLoss Called with why it is lost; "" when it was let go.
    */
-  constructor(onPress, onLoss) {
+  constructor(onPress, onLoss, label = "Hold to move") {
     this.onPress = onPress;
     this.onLoss = onLoss;
-    this.element = el("button", { type: "button", class: "hold primary" }, "Hold to move");
+    this.element = el("button", { type: "button", class: "hold primary" }, label);
     const button = this.element;
     const interrupted = (event) => this.#end(event, "The touch was interrupted.");
     button.addEventListener("pointerdown", (event) => this.#press(event));

@@ -1,7 +1,8 @@
-// The map: path, pose with the ellipse of its uncertainty, grid with scale; pan, pinch, follow, set the pose, clear.
+// The map: path, pose with the ellipse of its uncertainty, grid with scale; pan, pinch, follow, go, set the pose, clear.
 
 import { Canvas, niceStep } from "./canvas.js";
 import { el, fixed, write } from "./dom.js";
+import { GoThere } from "./go_there.js";
 import { Path } from "./path.js";
 import { SetPose } from "./set_pose.js";
 
@@ -12,7 +13,8 @@ const OLD_MS = 1000;
 
 export const map = { id: "map", title: "Map", create };
 
-function create({ live, connection }) {
+function create(app) {
+  const { live, connection } = app;
   const path = new Path();
   const view = { x: 0, y: 0, scale: 150, follow: true };
   let pose = null;
@@ -27,9 +29,12 @@ function create({ live, connection }) {
     tabindex: "0",
     role: "img",
     "data-arrows": true,
-    "aria-label": "Map of the path. Arrows move it, plus and minus zoom, F follows the robot, 0 shows all of it.",
+    "aria-label": "Map of the path. Arrows move it, plus and minus zoom, F follows the robot, 0 shows all of it, Enter marks the middle to go to.",
   });
   const setPose = new SetPose(connection, () => pose, () => canvas.redraw());
+  const go = new GoThere(app, () => canvas.redraw());
+  go.opener.addEventListener("click", () => setPose.close());
+  setPose.opener.addEventListener("click", () => go.close());
   const follow = button("Follow", "Keep the robot in the middle", () => {
     view.follow = !view.follow;
     changed();
@@ -47,8 +52,9 @@ function create({ live, connection }) {
       changed();
     }),
     setPose.opener,
+    go.opener,
   );
-  const element = el("section", { class: "mapview" }, tools, setPose.form, canvas.element, where);
+  const element = el("section", { class: "mapview" }, tools, setPose.form, canvas.element, go.panel, where);
 
   live.on("pose", ({ sample }) => {
     pose = sample;
@@ -102,6 +108,7 @@ function create({ live, connection }) {
     canvas.element.setPointerCapture(event.pointerId);
     pointers.set(event.pointerId, place(event));
     if (setPose.isOpen && pointers.size === 1) setPose.point(toMetres(place(event)));
+    if (go.isOpen && pointers.size === 1) go.press(event, place(event), toMetres(place(event)));
   });
   canvas.element.addEventListener("pointermove", (event) => {
     const from = pointers.get(event.pointerId);
@@ -111,6 +118,7 @@ function create({ live, connection }) {
       setPose.turn(toMetres(to));
       return;
     }
+    if (go.keeps(event, to)) return;
     const others = [...pointers].filter(([id]) => id !== event.pointerId).map(([, at]) => at);
     pointers.set(event.pointerId, to);
     const [a, b] = [toMetres(from), toMetres(to)];
@@ -122,7 +130,12 @@ function create({ live, connection }) {
     }
   });
   for (const type of ["pointerup", "pointercancel", "lostpointercapture"])
-    canvas.element.addEventListener(type, (event) => pointers.delete(event.pointerId));
+    canvas.element.addEventListener(type, (event) => {
+      pointers.delete(event.pointerId);
+      go.release(event, type === "pointerup" ? "" : "The touch was interrupted.");
+    });
+  // A long press opens no menu.
+  canvas.element.addEventListener("contextmenu", (event) => event.preventDefault());
   canvas.element.addEventListener("wheel", (event) => {
     event.preventDefault();
     zoom(Math.exp(-event.deltaY / 400), place(event));
@@ -132,6 +145,7 @@ function create({ live, connection }) {
     const actions = {
       ArrowLeft: () => pan(-step, 0), ArrowRight: () => pan(step, 0), ArrowUp: () => pan(0, step), ArrowDown: () => pan(0, -step),
       "+": () => zoom(1.5), "-": () => zoom(1 / 1.5), 0: showAll, f: () => follow.click(),
+      ...(go.isOpen && { Enter: () => go.mark([view.x, view.y]) }),
     };
     if (!actions[event.key]) return;
     event.preventDefault();
@@ -146,6 +160,7 @@ function create({ live, connection }) {
     path.trace(context, toX, toY);
     if (pose) context.lineTo(toX(pose.x), toY(pose.y));
     context.stroke();
+    if (go.drawn) drawPlace(context, go.drawn);
     if (pose) drawPose(context, pose);
     if (setPose.wanted) drawRobot(context, setPose.wanted, canvas.color("warning"));
     drawScale(context, width, height);
@@ -199,6 +214,23 @@ function create({ live, connection }) {
     drawRobot(context, { x, y, theta }, canvas.color("text"));
   }
 
+  function drawPlace(context, { x, y, driven }) {
+    context.strokeStyle = context.fillStyle = canvas.color("command");
+    context.lineWidth = 2.5;
+    if (driven && pose) {
+      context.setLineDash([8, 6]);
+      context.beginPath();
+      line(context, toX(pose.x), toY(pose.y), toX(x), toY(y));
+      context.stroke();
+      context.setLineDash([]);
+    }
+    for (const [radius, ink] of [[11, "stroke"], [3.5, "fill"]]) {
+      context.beginPath();
+      context.arc(toX(x), toY(y), radius, 0, 2 * Math.PI);
+      context[ink]();
+    }
+  }
+
   function drawRobot(context, { x, y, theta }, color) {
     const size = Math.max(11, 0.11 * view.scale);
     context.save();
@@ -218,7 +250,11 @@ function create({ live, connection }) {
     context.restore();
   }
 
-  return { element, show: changed, hide: () => pointers.clear() };
+  const hide = () => {
+    pointers.clear();
+    go.letGo("Another view was opened.");
+  };
+  return { element, show: changed, hide };
 }
 
 function button(text, title, onclick) {

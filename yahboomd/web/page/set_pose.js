@@ -44,6 +44,10 @@ export class SetPose {
     if (Math.hypot(y - this.wanted.y, x - this.wanted.x) > 0.02) this.#fill({ ...this.wanted, theta });
   }
 
+  close() {
+    if (this.isOpen) this.#toggle();
+  }
+
   #toggle() {
     this.isOpen = !this.isOpen;
     this.form.hidden = !this.isOpen;
@@ -52,7 +56,7 @@ export class SetPose {
     if (this.isOpen) this.#fill(this.pose() ?? { x: 0, y: 0, theta: 0 });
     else {
       this.wanted = null;
-      this.opener.focus();
+      if (this.form.contains(document.activeElement)) this.opener.focus();
       this.onChange();
     }
   }

@@ -62,6 +62,13 @@ export class Connection {
     return true;
   }
 
+  /** A place of the map is held, or a turn towards it; false where that was not sent. */
+  go(place) {
+    if (!this.isOpen || this.#beat === null || this.#socket.bufferedAmount > BACKLOG_BYTES) return false;
+    this.#send({ type: "go", beat: this.#beat, ...place });
+    return true;
+  }
+
   /** The button of a calibration's question is held; false where that was not sent. */
   hold(question) {
     if (!this.isOpen || this.#beat === null || this.#socket.bufferedAmount > BACKLOG_BYTES) return false;
