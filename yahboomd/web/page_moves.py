@@ -78,7 +78,7 @@ class PageMoves:
             self._run.beat()
 
     def let_go(self) -> None:
-        """Nobody holds any more: end the move; nothing where none is held."""
+        """The page let go: end its move."""
         if self._aim is None:
             return
         self._aim = self._run = None
