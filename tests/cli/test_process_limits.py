@@ -54,7 +54,7 @@ def test_a_limit_that_connections_can_exhaust_is_named_at_the_start() -> None:
         [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=True
     ).stderr
     assert said.count("\n") == 1
-    assert "may open 2047 files only" in said
+    assert "may open only 2047 files" in said
     assert "Allow it 2048: `ulimit -n`" in said
 
 

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 DESCRIPTION = """\
 Find the true size of the wheels and of the track, and write it to the calibration file, which goes
 over the multipliers of [chassis]. The robot drives known shapes while the daemon runs; you enter
-where it truly ended. It moves only while this command runs, within the bounds that it announces;
-Ctrl-C stops it. Nothing is written that cannot be trusted, and the reason is named.
+its true end positions. It moves only while this command runs, within the bounds that it announces;
+Ctrl-C stops it. A result that cannot be trusted is not written, and the reason is printed.
 """
 
 EPILOG = """\
@@ -28,7 +28,7 @@ examples:
   yahboomd calibrate tape                    a straight of 2 m and 5 turns in place: ten minutes
   yahboomd calibrate squares --side 2        five squares each way, then a straight: the best
   yahboomd calibrate tape --by-hand          you push the robot; it drives nothing
-  yahboomd calibrate squares --dry-run       print what would be written
+  yahboomd calibrate squares --dry-run       print the result, write nothing
   yahboomd calibrate poses run1 --frames map laser
   yahboomd calibrate imu                     turn it by hand: axes and scale of the sensor
   yahboomd calibrate tape --dialogue json --held     led by a program, such as a page

@@ -24,8 +24,8 @@ examples:
   yahboomd events --follow --json | jq -r 'select(.severity == "error") | .message'
   yahboomd events --json | jq -r .kind            the next event, whenever it comes
 
-Each line is written at once. --follow goes on through restarts of the daemon; what happens while it
-is away, or while this reader is slower than events come, is lost. docs/events.md lists every kind.
+Each line is written at once. --follow continues through restarts of the daemon; events are lost
+while it is away, or if they come faster than they are read. docs/events.md lists every kind.
 
 exit status:
   0    the event was printed

@@ -28,7 +28,7 @@ the board is plugged in. Doing it again changes nothing that is in place.
 
 EPILOG = """\
 examples:
-  yahboomd install --dry-run           print what would be done
+  yahboomd install --dry-run           print the plan, and do nothing
   sudo yahboomd install                one board
   sudo yahboomd install --web          and the page, for browsers on this machine
   sudo yahboomd install --web --listen 0.0.0.0:8480
@@ -103,9 +103,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def add_system_options(parser: argparse.ArgumentParser) -> None:
     """Add ``--dry-run`` and ``--root DIR``."""
-    parser.add_argument(
-        "--dry-run", action="store_true", help="print what would be done, and do nothing"
-    )
+    parser.add_argument("--dry-run", action="store_true", help="print the plan, and do nothing")
     parser.add_argument(
         "--root",
         metavar="DIR",
@@ -139,7 +137,7 @@ def shared_plan(system: System) -> list[install_plan.PlannedFile]:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Install, or print what would be done."""
+    """Install, or print the plan."""
     return install(
         system_of(args), instance=args.instance, port=args.port, web=args.web, listen=args.listen
     )
@@ -282,7 +280,7 @@ def _write(file: PlannedFile) -> None:
         raise Refused(
             f"{file.path} cannot be written: {error.strerror}.",
             remedy="Look at the disk and at the folder; then run the same command again: it writes "
-            "what is missing.",
+            "the missing files.",
         ) from error
 
 

@@ -38,8 +38,8 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 DESCRIPTION = """\
 Watch a running daemon: its state and why the robot stands, who drives, pose, twist, wheels,
-battery, the quality of the line to the board, and what happened. It only listens: nothing that
-happens here moves a wheel. It waits for a daemon that is not there.
+battery, the quality of the line to the board, and events. It only listens: nothing that happens
+here moves a wheel. If no daemon is there, it waits for one.
 """
 
 EPILOG = """\

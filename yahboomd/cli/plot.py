@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 DESCRIPTION = """\
 Draw a recording: the path with its covariance, the speeds of the wheels as commanded and as
-measured, the battery, the link, and a timeline of what happened.
+measured, the battery, the link, and a timeline of events.
 """
 
 EPILOG = """\

@@ -22,7 +22,7 @@ OLD_S = 1.0
 _number = number("a number")
 
 DESCRIPTION = """\
-Print where the robot is by its odometry, as three numbers: x and y in metres, the heading theta in
+Print the robot's pose by odometry, as three numbers: x and y in metres, the heading theta in
 radians (counter-clockwise, not wrapped). Or have odometry go on from another pose; the robot does
 not move. The first pose printed within 0.1 s after that may still be the one before.
 """

@@ -19,35 +19,35 @@ LEAST = 64
 """Descriptors. With fewer, neither the bus nor the port can be relied on, and Zenoh panics."""
 
 ENOUGH = 2048
-"""Descriptors. Connections that say nothing take up to 1,100 of them."""
+"""Descriptors. Silent connections take up to 1,100 of them."""
 
 WANTED = 65_536
-"""Descriptors. Most systems begin a process with 1024, and let it have many more."""
+"""Descriptors. Most systems start a process with 1024, and allow many more."""
 
 THREADS = 20
-"""The daemon has 14 with a client, a recorder and an e-stop; Zenoh starts more where many come."""
+"""The daemon has 14 with a client, a recorder and an e-stop; Zenoh starts more for many clients."""
 
 ADDRESSES = 1536 << 20
-"""Bytes of address space. The daemon comes to 0.98 GB, of which it uses 0.06: each thread reserves
-64 MB and a stack, and where less is left one that comes later may find none. With 0.1 to 0.5 GB up
-to 10 of 10 sessions did not open."""
+"""Bytes of address space. The daemon reserves up to 0.98 GB and uses 0.06: each thread reserves
+64 MB and a stack, and with less a later thread may not start. With 0.1 to 0.5 GB up to 10 of 10
+sessions did not open."""
 
 
 def make_room() -> None:
-    """Raise the limit of this process, as far as it may.
+    """Raise the limit of open files of this process, as far as it may.
 
-    A connection that says nothing holds a descriptor for seconds, without having shown any
-    certificate. With none left a port that was lost cannot be opened, nor the wheels stopped.
+    A silent connection holds a descriptor for seconds, even without a certificate. When none is
+    left, a lost port cannot be reopened, nor the wheels stopped.
 
     Raises:
-        LimitError: Even the most that it may have is too few.
+        LimitError: The largest limit that it may have is too low.
     """
     check_limits(who="the daemon")
     hard = allow_files(WANTED, who="the daemon")
     if hard != resource.RLIM_INFINITY and hard < ENOUGH:
         log.warning(
-            "This process may open %d files only: connections can take all of them, and then a "
-            "port that was lost is not opened again, nor are the wheels stopped. Allow it %d: "
+            "This process may open only %d files: connections can take all of them, and then a "
+            "lost port is not reopened, nor are the wheels stopped. Allow it %d: "
             "`ulimit -n`, or LimitNOFILE= of a service.",
             hard,
             ENOUGH,
@@ -55,13 +55,13 @@ def make_room() -> None:
 
 
 def allow_files(wanted: int, *, who: str) -> int:
-    """Let this process open so many files, as far as it may; returns the most that it may have.
+    """Raise the limit of open files to ``wanted`` if possible; returns the largest possible one.
 
     Args:
         who: The program that needs them, for the error.
 
     Raises:
-        LimitError: The most that it may have is fewer than :data:`LEAST`.
+        LimitError: The largest possible limit is below :data:`LEAST`.
     """
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     if hard != resource.RLIM_INFINITY and hard < LEAST:

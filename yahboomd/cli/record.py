@@ -314,7 +314,7 @@ class TopicRecorder:
                     self._fail(error)
 
     def facts(self) -> dict[str, int]:
-        """The counts so far."""
+        """The present counts."""
         files = self._files.values()
         return {
             "messages": sum(each.messages for each in files),

@@ -241,7 +241,7 @@ class TuneCommand:
         return os.EX_OK if stored else 1
 
     async def _yes(self, question: str) -> bool:
-        """Ask; without an answer it is no, and what was typed before counts for none."""
+        """Ask; an empty answer means no, and earlier typing is discarded."""
         from yahboomd.tools.terminal.terminal_questions import yes_or_no
 
         while True:
@@ -251,7 +251,7 @@ class TuneCommand:
             self.say("y or n, please.")
 
     async def _agree(self, wanted: BoardSettings, dialect: Dialect) -> bool:
-        """Announce what is about to be written, and ask."""
+        """Announce the values to be written, and ask."""
         from yahboomd.tools.tune.procedure import ROUNDS
         from yahboomd.tools.tune.tune_text import values
 

@@ -17,7 +17,7 @@ is the program itself.
 
 EPILOG = """\
 examples:
-  yahboomd uninstall --dry-run               print what would be done
+  yahboomd uninstall --dry-run               print the plan, and do nothing
   sudo yahboomd uninstall                    the service, and everything that install wrote
   sudo yahboomd uninstall --instance front   only yahboomd@front
 
@@ -37,7 +37,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Uninstall, or print what would be done."""
+    """Uninstall, or print the plan."""
     return uninstall(system_of(args), instance=args.instance)
 
 

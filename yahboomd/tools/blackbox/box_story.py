@@ -1,4 +1,4 @@
-"""Tells a black box in plain words: why the robot stopped, and what happened before."""
+"""Tells a black box in plain words: why the robot stopped, and the events before."""
 
 from __future__ import annotations
 

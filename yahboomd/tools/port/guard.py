@@ -1,4 +1,4 @@
-"""A second process that lets the motors go if the first one dies, or hangs, in a pulse.
+"""A second process that releases the motors if the first one dies or hangs during a pulse.
 
 The board has no timeout: a motor whose pulse is not ended turns for ever. A killed process cannot
 end it, so another process watches over each pulse, on the same open port. If the port is gone by
@@ -54,7 +54,7 @@ class Guard:
 
         Args:
             fd: The open port.
-            stop: Bytes that let the motors go, from any state of the board's parser.
+            stop: Bytes that release the motors, from any state of the board's parser.
             note: The device and how its port was opened; None: do not look for the device.
 
         Raises:

@@ -33,7 +33,7 @@ NOT_STOPPED = (
     "The board did not come back: the wheels may still turn. Switch the motors' supply off, or "
     "plug the board in and run `yahboomd stop`."
 )
-GUARD_WAITS = " If the board comes back within a minute, it is stopped yet."
+GUARD_WAITS = " If the board comes back within a minute, it is still stopped."
 
 
 class LostInMotion(YahboomdError):
@@ -136,7 +136,7 @@ async def guarded(
     Args:
         port: The open port.
         config: How it was opened.
-        say: Shows a person what to do.
+        say: Shows a message to a person.
 
     Raises:
         LostInMotion: The port went away while wheels turned, and they were stopped later.

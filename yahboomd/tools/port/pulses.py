@@ -61,7 +61,7 @@ NEAR_SHARE = 0.03
 """An advance is done if this share of it is left."""
 
 MOVED_TURNS = 0.01
-"""Less is no motion, because gears have play."""
+"""Less may be the play of the gears."""
 
 SEEN_COUNTS = 3
 """A wheel that counted this much has an encoder that works."""
@@ -175,7 +175,7 @@ class Pulses:
             if pulse.turns * self._ticks < SEEN_COUNTS:
                 blind += most
             elif limit_s < LONGEST_S:
-                # The encoder works, but its counts come too seldom to extend so short a pulse.
+                # The encoder works, but its counts are too rare to extend a pulse this short.
                 stretch *= 2
                 continue
             number, stretch = number + 1, 1
@@ -251,7 +251,7 @@ class Pulses:
         return self._fastest * _effect(share) * (pulse_s + (ROLLS_S - LAG_S) * lagged)
 
     def _is_output(self, share: float) -> bool:
-        """Whether the board can give so little: it adds its own dead zone to each output."""
+        """Whether the board can give this output: it adds its own dead zone to each."""
         output = round(share * self._dialect.most_output)
         none = self._dialect.outputs((0, 0, 0, 0), self._settings)
         return self._dialect.outputs((output, 0, 0, 0), self._settings) != none
@@ -271,7 +271,7 @@ class Pulses:
             limit_s: The longest time while no counter moves; None: :meth:`limit_s`.
         """
         unseen_s = self.limit_s(share) if limit_s is None else limit_s
-        # The counters are that much older than what happens.
+        # The counters lag behind the wheels by this time.
         age_s = seconds(self._dialect.sample_period_ns or 0)
         rolls_s = ROLLS_S + age_s
         line, clock, dialect = self._line, self._clock, self._dialect

@@ -51,8 +51,8 @@ _EXTRA: dict[str, dict[str, Any]] = {
 _README = """\
 # Schemas and golden samples
 
-For programs in any language that speak with yahboomd over Zenoh. The keys, and what happens when,
-are in [`docs/bus.md`](../docs/bus.md). Everything here is generated, and checked by a test:
+For programs in any language that talk to yahboomd over Zenoh. The keys, and their timing, are in
+[`docs/bus.md`](../docs/bus.md). Everything here is generated, and checked by a test:
 
     python -m yahboomd.tools.schemas.generate schemas            # write
     python -m yahboomd.tools.schemas.generate --check schemas    # compare

@@ -20,7 +20,7 @@ from yahboomd.tools.stop.unresponsive import suspended_listener
 from yahboomd.tools.terminal.words import listed
 
 SEARCH_NS = 1_000_000_000
-"""Between two searches for a suspended daemon on this machine."""
+"""The time between two searches for a suspended daemon on this machine."""
 
 
 class Feed:
@@ -75,7 +75,7 @@ class Feed:
 
     @property
     def robot(self) -> str:
-        """The robot and where it is, such as ``bot1 at tcp/127.0.0.1:7448``."""
+        """The robot and its address, such as ``bot1 at tcp/127.0.0.1:7448``."""
         name = self.options.namespace or "yahboomd"
         known = tuple(each.address for each in self._neighbours if each.address)
         return f"{name} at {listed(known or self.options.connect)}"
@@ -86,7 +86,7 @@ class Feed:
 
     @property
     def wanted(self) -> str:
-        """The endpoints where the daemon is expected."""
+        """The expected endpoints of the daemon."""
         return listed(self.options.connect)
 
     @property

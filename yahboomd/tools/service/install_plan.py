@@ -1,4 +1,4 @@
-"""Plans an installation: which files go where, and what happens to existing ones.
+"""Plans an installation: the place of each file, and the fate of existing ones.
 
 This module writes nothing. :mod:`yahboomd.cli.install` carries a plan out.
 """

@@ -1,6 +1,6 @@
 """Searches this machine for the board's port, for a command without a daemon.
 
-Slow modules are imported only where they are used: see :mod:`yahboomd.core.link.seize`.
+Slow modules are imported at their first use: see :mod:`yahboomd.core.link.seize`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def find_port(config: Config) -> str:
-    """The port to open; what is known of other ports that could be the board goes to stderr.
+    """The port to open; other ports that could be the board's are described on stderr.
 
     Raises:
         LinkError: There is none, or no board answers on any.

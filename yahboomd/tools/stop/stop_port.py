@@ -1,6 +1,6 @@
 """The port half of ``yahboomd stop``: seizes the port, and reports the outcome.
 
-Slow modules are imported only where they are used: see :mod:`yahboomd.core.link.seize`.
+Slow modules are imported at their first use: see :mod:`yahboomd.core.link.seize`.
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ class InputLines:
         """Ask on standard error, because standard output is for results; return the next line.
 
         Args:
-            fresh: Discard what was typed earlier, because it answers another question.
+            fresh: Discard earlier typing, because it answers another question.
         """
         if fresh and sys.stdin is not None and sys.stdin.isatty():
             termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)

@@ -11,7 +11,7 @@ counted over a tick is half a tick old. D stays 0: it would pass the steps of th
 motor.
 
 λ is the one that settles soonest on every fitted motor without too much overshoot, also on motors
-with 25 % more or less gain and lag. These simulated motors have their remaining dead zone and the
+whose gain and lag are off by 25 %. These simulated motors have their remaining dead zone and the
 resolution of their counts, which the formula ignores.
 """
 
