@@ -1,8 +1,9 @@
-"""Who may have moves driven, and when they end.
+"""Decides who may start moves, and when they end.
 
-Without a bus and without a clock: the service (:mod:`yahboomd.moves.move_service`) hands in what
-arrives, and when. A move lasts while its client is there. Whatever else has a say ends it: a person
-who takes over, the emergency stop, a fault, the board, the pose. Nothing begins again by itself.
+It has no bus and no clock: the service (:mod:`yahboomd.moves.move_service`) passes messages and
+their times. A move needs its client. It ends when the client is gone, another source takes over,
+the emergency stop is engaged, or the board, the daemon or the pose has a problem. No move restarts
+by itself.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ from yahboomd.moves.motion.move_plan import MoveRefused
 from yahboomd.moves.motion.mover import Mover
 
 POSE_S = 0.5
-"""Without a pose for this time moves end. The last velocity ends sooner."""
+"""Moves end without a pose for this time. The last velocity ends sooner."""
 
 OBEYS_S = 1.5
 """The time within which the daemon has to give control to the moves."""
@@ -50,12 +51,12 @@ SOURCE_LINES = f"""\
 priority = 5
 timeout_s = 0.3
 """
-"""What a configuration needs that replaced the default sources."""
+"""The lines that a configuration with sources of its own needs."""
 
 POSE_EVENTS = frozenset(
     {"pose_set", "odometry_bridged", "odometry_discontinuity", "board_reset", "no_counts"}
 )
-"""Events after which the pose is not the one by which the moves were planned."""
+"""Events after which the moves' plan no longer fits the pose."""
 
 NO_DAEMON = "No daemon is there: start it, or look at its log."
 
@@ -64,7 +65,7 @@ class Running(msgspec.Struct, kw_only=True):
     """Moves that are being driven.
 
     Attributes:
-        beat_ns: When their client was heard last; monotonic.
+        beat_ns: The time of their client's latest beat; monotonic.
     """
 
     id: str
@@ -142,7 +143,7 @@ class MoveKeeper:
     # Clients.
 
     def start(self, request: MoveRequest, now_ns: int) -> ServiceReply:
-        """Begin moves, or say why not."""
+        """Begin moves, or reply with the reason why not."""
         if why := self._why_not(now_ns):
             return ServiceReply(success=False, message=why)
         assert self._pose is not None
@@ -188,7 +189,7 @@ class MoveKeeper:
         return ""
 
     def beat(self, name: str, at_ns: int) -> None:
-        """The client of these moves is there."""
+        """Note a beat of the moves' client."""
         if self._running is not None and name == self._running.id:
             self._running.beat_ns = max(self._running.beat_ns, at_ns)
 
@@ -250,7 +251,7 @@ class MoveKeeper:
         self._wheels_rad_s = twist.wz
 
     def imu(self, sample: ImuSample, now_ns: int) -> None:
-        """The motion by the gyro, where there is one."""
+        """The motion by the gyro, if there is one."""
         running = self._running
         if running is None:
             return
@@ -259,7 +260,7 @@ class MoveKeeper:
             self.end("slipping", "The wheels turn, and the gyro does not see the base turn.")
 
     def pose(self, pose: PoseSample, now_ns: int) -> None:
-        """A pose: the next velocity follows from it."""
+        """Command the next velocity for a new pose."""
         self.check(now_ns)
         self._pose, self._pose_ns = pose, now_ns
         running = self._running
@@ -283,7 +284,7 @@ class MoveKeeper:
     # Time.
 
     def check(self, now_ns: int) -> None:
-        """End moves whose client is silent, or whose poses stay away; often, and before a pose."""
+        """End moves without beats or poses; call it often, and before each pose."""
         running = self._running
         if running is None:
             return
@@ -294,7 +295,7 @@ class MoveKeeper:
             self.end("no_pose", f"No pose came for {POSE_S:g} s, or this service did not run.")
 
     def end(self, reason: Reason, message: str) -> None:
-        """End the moves and stop the robot; nothing where none are driven."""
+        """End the moves and stop the robot; does nothing if none are driven."""
         running = self._running
         if running is None:
             return
@@ -304,7 +305,7 @@ class MoveKeeper:
         self._tell(running, "ended", reason, message)
 
     def report(self) -> None:
-        """Publish the progress, where moves are driven."""
+        """Publish the progress if moves are driven."""
         running = self._running
         if running is not None:
             self._tell(running, "paused" if running.mover.paused else "running", "", "")

@@ -52,7 +52,7 @@ REPORT_EVERY = 2
 """The progress is published at every second check: ten times a second."""
 
 DEADMAN_S = 0.25
-"""A velocity lasts this long without the next: longer than poses may stay away for a moment."""
+"""How long a velocity lasts without the next one: longer than a short gap of poses."""
 
 CONFIG_S = 1.0
 
@@ -63,7 +63,7 @@ class MoveService:
     """Drives the moves of one robot.
 
     Args:
-        options: How the daemon is reached.
+        options: The connection to the daemon.
         clock: The source of time.
     """
 
@@ -88,10 +88,10 @@ class MoveService:
         self._alive = False
 
     async def run(self) -> None:
-        """Serve until this is cancelled; then the robot is stopped, where it drove it.
+        """Serve until cancelled; then stop the robot if it was driven.
 
         Raises:
-            BusError: It can never be reached like this.
+            BusError: The options cannot be used.
         """
         await self.robot.join(math.inf)
         try:
@@ -148,7 +148,7 @@ class MoveService:
         try:
             self._keeper.learn((await self.robot.call(keys.CONFIG, timeout_s=CONFIG_S)).data)
         except (NoDaemon, Refused):
-            # It comes again while it is there.
+            # Asked again while the daemon is there.
             return
 
     def _drive(self, twist: Twist2d) -> None:
@@ -200,7 +200,7 @@ class MoveService:
 
 
 def _read(query: BusQuery, message: type[Request]) -> Request | str:
-    """The request, or what is wrong with it."""
+    """The request, or its problem in words."""
     encoding = encoding_of(query.payload)
     if encoding not in {"json", "msgpack"}:
         return "The request is neither JSON nor MessagePack."

@@ -1,4 +1,4 @@
-"""What a base can do, and the limits of one move: the configured ones, or lower ones."""
+"""The abilities of a base, and the limits of one move: the configured ones, or lower ones."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from yahboomd.moves.motion.speed_profile import SpeedLimits
 SPEED_M_S, TURN_RAD_S = 0.3, 1.5
 ACCELERATION_M_S2, ACCELERATION_RAD_S2 = 0.6, 3.0
 JERK_M_S3, JERK_RAD_S3 = 4.0, 20.0
-"""Of a move that has no limits of its own."""
+"""The limits of a move that sets none."""
 
 NARROWEST = 1.1
 """A car's curves are planned this much wider than its tightest, so that it can correct."""
 
 
 class Base(msgspec.Struct, frozen=True, kw_only=True):
-    """A base, as far as moves depend on it.
+    """The properties of a base that moves depend on.
 
     Attributes:
         holonomic: Whether it moves sideways.
@@ -43,7 +43,7 @@ class Base(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def base_of(config: Mapping[str, Any]) -> Base:
-    """The base, by a daemon's configuration as its service returns it."""
+    """Read the base from the configuration that a daemon's service returns."""
     chassis, limits = config["chassis"], config["limits"]
     kinematics = chassis["kinematics"]
     holonomic = kinematics in KINEMATICS and unit_geometry(kinematics).holonomic

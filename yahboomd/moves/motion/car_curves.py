@@ -11,7 +11,7 @@ import math
 from yahboomd.core.model import Pose2d
 
 HEADINGS = 180
-"""Headings at the goal that are compared where any will do."""
+"""The number of headings compared for a goal that allows any heading."""
 
 Pieces = list[tuple[float, float]]
 
@@ -84,5 +84,5 @@ def _words(d: float, alpha: float, beta: float) -> list[tuple[str, tuple[float, 
 
 def _turn(angle: float) -> float:
     turned = angle % (2.0 * math.pi)
-    # Rounding makes a whole turn of none.
+    # Rounding may turn no turn into a whole one.
     return 0.0 if 2.0 * math.pi - turned < 1e-9 else turned

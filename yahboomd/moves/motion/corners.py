@@ -1,4 +1,4 @@
-"""Polylines to courses: corners become arcs, and where they would be too tight, stops."""
+"""Polylines to courses: corners become arcs, or stops if the arcs would be too tight."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Point = tuple[float, float]
 
 
 def distinct(points: Sequence[Point]) -> list[Point]:
-    """The points without those that repeat the one before."""
+    """The points without repetitions of the one before."""
     kept: list[Point] = []
     for point in points:
         if not kept or math.dist(kept[-1], point) > SAME_POINT_M:
@@ -26,7 +26,7 @@ def distinct(points: Sequence[Point]) -> list[Point]:
 
 
 def rounded(points: Sequence[Point], corner_m: float, tightest_m: float) -> list[Course]:
-    """The courses between the corners at which the base has to stop.
+    """Make the courses between the corners at which the base has to stop.
 
     An arc that touches both sides of a corner at the distance t has the radius ``t / tan(a/2)`` for
     a change of direction by a, and passes the corner at ``r (1 / cos(a/2) - 1)``.

@@ -11,10 +11,10 @@ import msgspec
 from yahboomd.core.model import Pose2d
 
 STEPS = 4
-"""Of the search for the nearest place; it begins at the latest one, so one or two suffice."""
+"""Steps of the search for the nearest place; it begins at the latest one, so one or two suffice."""
 
 LEAST_M = 1e-9
-"""A shorter piece is none."""
+"""Shorter pieces are ignored."""
 
 REACH_M = 0.1
 """The nearest place is at most this far from the latest one: a course may cross itself."""
@@ -26,8 +26,8 @@ class CoursePoint(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         x: Metres.
         y: Metres.
-        direction: Of the way on, rad, not wrapped within a course.
-        curvature: Of the course, 1/m; positive to the left.
+        direction: The direction of the course, rad, not wrapped within a course.
+        curvature: The curvature of the course, 1/m; positive to the left.
     """
 
     x: float
@@ -48,7 +48,7 @@ class CoursePiece(msgspec.Struct, frozen=True, kw_only=True):
     length: float
 
     def at(self, way: float) -> CoursePoint:
-        """The point after so many metres; before and behind the piece it goes on."""
+        """The point after this many metres; outside of the piece, its line or arc continues."""
         start = self.start
         half = start.curvature * way / 2.0
         chord = way * (math.sin(half) / half if abs(half) > 1e-6 else 1.0)
@@ -64,7 +64,7 @@ class Course:
     """Pieces in a row.
 
     Args:
-        begin: Where it begins, and in which direction.
+        begin: Its first point and direction.
         pieces: Length and curvature of each, in metres and 1/m.
     """
 
@@ -86,7 +86,7 @@ class Course:
         self.end = point
 
     def at(self, way: float) -> CoursePoint:
-        """The point after so many metres. Before and behind the course it goes straight on."""
+        """The point after this many metres. Outside of the course, it continues straight."""
         if way >= self.length or way < 0.0:
             from_end = way >= self.length
             edge = self.end if from_end else self._pieces[0].start
@@ -98,17 +98,17 @@ class Course:
         return self._pieces[index].at(way - self._starts[index])
 
     def nearest(self, pose: Pose2d, way: float) -> float:
-        """The metres at the place nearest to a pose, looked for around ``way``."""
+        """The metres at the place nearest to a pose; searched around ``way``."""
         found = way
         for _ in range(STEPS):
             ahead, left, point = self.beside(pose, found)
-            # On an arc a step of the pose is a longer or shorter one of the foot point.
+            # On an arc, the foot point moves farther or less far than the pose.
             stretch = max(0.2, 1.0 - point.curvature * left)
             found = max(way - REACH_M, min(way + REACH_M, found + ahead / stretch))
         return found
 
     def beside(self, pose: Pose2d, way: float) -> tuple[float, float, CoursePoint]:
-        """How far a pose is ahead of a place, how far to its left, and the place."""
+        """The distance of a pose ahead of a place, to its left, and the place."""
         point = self.at(way)
         dx, dy = pose.x - point.x, pose.y - point.y
         cosine, sine = math.cos(point.direction), math.sin(point.direction)

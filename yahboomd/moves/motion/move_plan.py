@@ -1,4 +1,4 @@
-"""Moves to legs: what each asks of this base, or why the base cannot drive it."""
+"""Plans moves as legs for a base, or explains why the base cannot drive them."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ FARTHEST_M = 1e7
 
 
 class MoveRefused(ValueError):
-    """This base cannot drive the move; the text says why, and what it can."""
+    """This base cannot drive the move; the text has the reason, and an alternative."""
 
 
 class PlannedLeg(msgspec.Struct, frozen=True, kw_only=True):
     """A leg of a plan.
 
     Attributes:
-        move: Of which move it is a part, by its number.
-        course: Where it goes; None for a turn in place.
+        move: The number of the move that it belongs to.
+        course: The course to follow; None for a turn in place.
         begin: The pose at its begin, as planned.
         end: The pose at its end.
-        limits: Of its speed: along the course, or of the turn.
+        limits: The limits of its speed: along the course, or of the turn in place.
         turn: The limits of turning.
         backward: Whether it is driven backward.
         headings: On a base that moves sideways: the heading by the metres of the course.
@@ -81,7 +81,7 @@ class PlannedLeg(msgspec.Struct, frozen=True, kw_only=True):
         return ideal_time_s(self.length, limits) + max(0.0, cruise_s - self.length / limits.speed)
 
     def drive(self, lag: LagModel, *, last: bool) -> MoveLeg:
-        """The control of it."""
+        """Make the controller of this leg."""
         if self.course is None:
             return TurnLeg(self.limits, lag, begin=self.begin, goal=self.end.theta, last=last)
         if self.headings:
@@ -108,7 +108,7 @@ class PlannedLeg(msgspec.Struct, frozen=True, kw_only=True):
 def plan(moves: Sequence[Move], begin: Pose2d, base: Base) -> list[PlannedLeg]:
     """The legs of moves in a row, from a pose.
 
-    Each move begins where the one before ends by plan, so that errors do not add up.
+    Each move begins at the planned end of the one before, so that errors do not add up.
 
     Raises:
         MoveRefused: One of them cannot be driven.
@@ -361,7 +361,7 @@ def _facing(pose: Pose2d, direction: float) -> Pose2d:
 
 
 def _heading_at(points: Sequence[tuple[float, ...]], x: float, y: float, theta: float) -> float:
-    """The heading that is given nearest to a place, within half a turn of the present one."""
+    """The heading of the nearest point that has one, within half a turn of the present heading."""
     given = [point for point in points if len(point) == 3]
     nearest = min(given, key=lambda point: math.hypot(point[0] - x, point[1] - y))
     return theta + wrapped(nearest[2] - theta)

@@ -1,4 +1,4 @@
-"""Whether a base that is commanded moves, and whether its pose can be believed."""
+"""Checks whether a commanded base moves, and whether its pose is plausible."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from collections.abc import Sequence
 from yahboomd.core.model import Pose2d, Twist2d
 
 BLOCKED_S = 2.0
-"""Commanded for this time, with a way that counts, and hardly moved: the base is blocked."""
+"""A base that hardly moves although it was commanded a way for this time is blocked."""
 
 LEAST_WAY_M = 0.02
-"""The commanded way that counts; a turn counts by the way of a wheel at `ARM_M`."""
+"""The least commanded way; a turn counts as the way of a wheel at `ARM_M`."""
 
 ARM_M = 0.1
 SHARE = 0.2
 
 JUMP_M = 0.1
 JUMP_RAD = 0.35
-"""A step of the pose beyond what the command and this explain: it was set, or bridged."""
+"""The excess of the pose's step over the command that shows that it was set, or a gap bridged."""
 
 SLIP_S = 0.6
 SLIP_RAD = 0.12
@@ -40,7 +40,7 @@ class MoveWatch:
         self._twist = twist
 
     def jumped(self, pose: Pose2d, now_ns: int) -> bool:
-        """Whether the pose made a step that no wheel did."""
+        """Whether the pose made a step that the wheels did not drive."""
         if not self._seen:
             return False
         at_ns, before, _ = self._seen[-1]
@@ -54,7 +54,7 @@ class MoveWatch:
         )
 
     def blocked(self, pose: Pose2d, now_ns: int) -> bool:
-        """Whether the base did not obey for a while; to be called with every pose."""
+        """Whether the base has not obeyed for a while; call it with every pose."""
         if self._seen:
             since_s = (now_ns - self._seen[-1][0]) / 1e9
             twist = self._twist
@@ -71,7 +71,7 @@ class MoveWatch:
         return wanted > LEAST_WAY_M and moved < SHARE * wanted
 
     def slips(self, wheels_rad_s: float, gyro_rad_s: float, now_ns: int) -> bool:
-        """Whether the wheels turn the base and the gyro does not; with every gyro sample.
+        """Whether the wheels turn the base without the gyro; call it with every gyro sample.
 
         Args:
             wheels_rad_s: The turning speed by the counts.
@@ -89,10 +89,10 @@ class MoveWatch:
         return abs(by_wheels) > SLIP_RAD and abs(by_wheels - by_gyro) > SLIP_SHARE * abs(by_wheels)
 
     def uncertain(self, covariance: Sequence[float], most_m: float) -> bool:
-        """Whether the place became more uncertain than that since the moves began.
+        """Whether the place became more uncertain than ``most_m`` since the moves began.
 
         Args:
-            covariance: Of the pose, over (x, y, theta), row by row.
+            covariance: The pose's covariance, over (x, y, theta), row by row.
             most_m: Standard deviation in metres.
         """
         variance = max(covariance[0], covariance[4])
