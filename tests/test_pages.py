@@ -28,7 +28,10 @@ from yahboomd.web.beats import LAPSE_NS
 
 ROOT = Path(__file__).resolve().parents[1]
 WRITTEN = [
-    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")),
+    *(
+        ROOT / name
+        for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "benchmarks/README.md")
+    ),
     *sorted((ROOT / "docs").rglob("*.md")),
     *sorted((ROOT / "examples").glob("clients/*.md")),
 ]
