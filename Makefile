@@ -136,6 +136,10 @@ soak: $(VENV)/.run ## daemon and simulated board through all faults: MINUTES=60 
 alarms: $(VENV)/.dev ## false alarms and cut times on virtual time, random driving on bad lines: MINUTES=60 SEED=1
 	@PYTHONPATH=tests/plugins $(PY) -m benchmarks.false_alarms --minutes $(MINUTES) --seed $(SEED) $(ARGS)
 
+.PHONY: every-board
+every-board: $(VENV)/.dev ## every fault on the binary board of the tests too (five minutes)
+	YAHBOOMD_EVERY_BOARD=1 $(PYTEST) $(PARALLEL) -q -m "not realtime" -k binary tests/faults tests/whole tests/link $(ARGS)
+
 .PHONY: wirings
 wirings: $(VENV)/.dev ## `setup` on all 384 ways to connect four motors, each with a drive afterwards (ten minutes)
 	YAHBOOMD_EVERY_WIRING=1 $(PYTEST) $(PARALLEL) -q tests/tools/setup/test_setup_wizard.py -k four_wheels

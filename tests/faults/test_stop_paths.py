@@ -14,7 +14,7 @@ import pytest
 from binary_dialect import BINARY
 from fault_bench import (
     CUT,
-    DIALECTS,
+    EVERY_DIALECT,
     MS,
     ROSMASTER,
     STREAMS,
@@ -76,7 +76,7 @@ AT_ONCE = [
 ]
 
 
-@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize("dialect", EVERY_DIALECT)
 @pytest.mark.parametrize("end", AT_ONCE)
 @on_virtual_time
 async def test_the_stop_is_on_the_wire_within_50_ms_and_nothing_moves_after_it(
@@ -105,7 +105,7 @@ async def test_the_stop_is_on_the_wire_within_50_ms_and_nothing_moves_after_it(
                 await asyncio.gather(task, return_exceptions=True) if task.done() else None
 
 
-@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize("dialect", EVERY_DIALECT)
 @pytest.mark.parametrize("end", AT_ONCE)
 @on_virtual_time
 async def test_no_stop_but_that_of_silence_is_softened_by_the_limits(
@@ -123,7 +123,7 @@ async def test_no_stop_but_that_of_silence_is_softened_by_the_limits(
         assert bench.stood_at(now_ns) - now_ns < 500 * MS
 
 
-@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize("dialect", EVERY_DIALECT)
 @on_virtual_time
 async def test_a_speed_that_waits_its_turn_is_not_said_after_the_last_stop(
     tmp_path: Path, dialect: str
@@ -212,7 +212,7 @@ async def test_a_wheel_that_rolls_on_after_its_cut_is_held_once_and_then_accused
         assert orders[-1] == SUREST[dialect]
 
 
-@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize("dialect", EVERY_DIALECT)
 @on_virtual_time
 async def test_wheels_of_a_crash_are_stopped_however_early_the_connecting_is_broken_off(
     tmp_path: Path, dialect: str
@@ -286,7 +286,7 @@ async def test_a_stop_at_the_end_that_was_not_seen_obeyed_is_reported(
         assert "no counts showed whether they stand" in bench.events("stop_not_seen")[0]
 
 
-@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize("dialect", EVERY_DIALECT)
 @pytest.mark.parametrize("end", [asked_to_end, session_task_cancelled, port_watch_cancelled])
 @on_virtual_time
 async def test_wheels_that_the_end_stops_are_not_accused_of_disobeying_the_application(
