@@ -6,9 +6,9 @@ r"""The file of a black box: a header, then segments of records. The ring and sa
     u8 1, or 0 while it is empty | u64 number of the segment | records | zeros
     u8 1 ...
 
-Segments are all of one size, which the header gives, and are reused in turn: their numbers tell
-their order. In a segment records follow each other until a kind of 0 or its end. One that was cut
-short by a kill is not there: it has no kind. A saved file
+All segments have the size that the header gives, and are reused in turn: their numbers give
+their order. In a segment records follow each other until a kind of 0 or its end. A record that was
+cut short by a kill has no kind, and does not count. A saved file
 is compressed (gzip) and has ``saved`` in its header.
 """
 
@@ -42,9 +42,9 @@ PREFIX = struct.Struct("<8sII")
 SEGMENT = struct.Struct("<BQ")
 ALIGN = 4096
 INFLATED_MOST = 16 << 20
-"""No box is larger; a file that is makes no reader run out of memory."""
+"""The largest box: a larger file does not exhaust a reader's memory."""
 HEADER_MOST = 1 << 18
-"""No header is larger."""
+"""The largest header."""
 
 
 class NotABox(YahboomdError):
@@ -74,8 +74,8 @@ class Saved(msgspec.Struct, frozen=True, kw_only=True):
     """Why and when a ring was saved.
 
     Attributes:
-        reasons: Such as ``estop``, in the order of their coming.
-        at_ns: When it was copied; monotonic nanoseconds. 0 where its daemon had been killed.
+        reasons: Such as ``estop``, in the order of time.
+        at_ns: When it was copied; monotonic nanoseconds. 0 if its daemon was killed.
         wall_ns: The same as Unix nanoseconds.
     """
 
@@ -85,7 +85,7 @@ class Saved(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Header(msgspec.Struct, frozen=True, kw_only=True):
-    """What belongs to all records of a box.
+    """The facts about all records of a box.
 
     Attributes:
         machine: The kind of processor, such as ``aarch64``: poses are the same to the last bit on
@@ -94,7 +94,7 @@ class Header(msgspec.Struct, frozen=True, kw_only=True):
         started_ns: When it started; monotonic nanoseconds.
         started_wall_ns: The same as Unix nanoseconds.
         config: The configuration in effect, without credentials.
-        odometer: How the odometer was made.
+        odometer: The arguments of the odometer.
         imu: How samples of the inertial sensor are turned along the base.
         saved: Why it was saved; None in a ring.
     """
@@ -118,9 +118,9 @@ class Box(msgspec.Struct, frozen=True, kw_only=True):
     """A black box that was read.
 
     Attributes:
-        damaged: Places where records are missing: in a damaged segment those behind the damage,
-            or whole segments.
-        cut: The end of the saved file is missing.
+        damaged: Places at which records are missing: those behind the damage in a segment, or
+            whole segments.
+        cut: Whether the end of the saved file is missing.
     """
 
     header: Header
@@ -130,13 +130,13 @@ class Box(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def settings_of(header: Header, section: str) -> dict[str, Any]:
-    """One section of the configuration in a header; empty where that has none."""
+    """One section of the configuration in a header; empty if it has none."""
     found = header.config.get(section)
     return found if isinstance(found, dict) else {}
 
 
 def robot_slug(header: Header) -> str:
-    """The robot's namespace and port, as they stand in the names of files; empty for neither."""
+    """The robot's namespace and port, as in the names of files; empty for neither."""
     namespace = str(settings_of(header, "zenoh").get("namespace", ""))
     port = str(settings_of(header, "serial").get("port", "")).rpartition("/")[2]
     return "-".join(re.sub("[^A-Za-z0-9]+", "-", each)[:20] for each in (namespace, port) if each)
@@ -156,10 +156,10 @@ def read_box(data: bytes) -> Box:
     """Read a ring or a saved file, as far as it is whole.
 
     Args:
-        data: The file's bytes; one that was cut is read up to there.
+        data: The file's bytes; one that was cut is read up to the cut.
 
     Raises:
-        NotABox: It is none, or one of a later version.
+        NotABox: It is no black box, or one of a later version.
     """
     data, cut = _inflated(data)
     header, begin = _header(data)
@@ -172,7 +172,7 @@ def read_box(data: bytes) -> Box:
     found.sort(key=lambda each: each[0])
     records = [record for _, some, _ in found for record in some]
     damaged = sum(damaged for *_, damaged in found)
-    # A file that was cut after the ring had gone round lacks some in the middle.
+    # A file that was cut after the ring had wrapped lacks some in the middle.
     missing = sum(after[0] - before[0] > 1 for before, after in pairwise(found))
     return Box(header=header, records=records, damaged=damaged + missing, cut=cut)
 

@@ -1,4 +1,4 @@
-"""Records what happens in a daemon, in its ring: the side of the daemon's loop.
+"""Records the history of a daemon in its ring: the part that runs in the daemon's loop.
 
 Nothing here waits, and nothing is written to a disk. The costs are those of a read of the port:
 about a microsecond. Once in each segment, every five seconds or more, the state of the odometer is
@@ -34,14 +34,14 @@ class Recorder:
     """Writes the records of one daemon; a tap on its line.
 
     Args:
-        ring: Where they go.
+        ring: The ring of the records.
         now_ns: Monotonic time.
         wall_ns: Unix time.
 
     Attributes:
         odometer_state: Returns the state of the odometer, for anchors.
-        received: Bytes came in one read, at a moment.
-        due: An anchor is to be written at the next moment at which that is possible.
+        received: Records the bytes of one read, and its moment.
+        due: An anchor is to be written at the next possible moment.
     """
 
     def __init__(self, ring: Ring, now_ns: Callable[[], int], wall_ns: Callable[[], int]) -> None:
@@ -55,7 +55,7 @@ class Recorder:
         self._commands = 0
         self._posed_ns = 0
         self.odometer_state: Callable[[], bytes] | None = None
-        # A read of the port is the most frequent of all: without a call in between.
+        # Reads of the port are the most frequent records: no call in between.
         self.received = ring.write_read
         self.due = False
         ring.on_turned = self._look
@@ -78,7 +78,7 @@ class Recorder:
         self.record(records.Opened(port=port, byte_ns=byte_ns))
 
     def settled(self) -> None:
-        """Write an anchor, and what else makes a segment readable without those before it."""
+        """Write an anchor, and the other records that make a segment readable by itself."""
         if self.odometer_state is None:
             return
         self._ring.turned = self.due = False
@@ -110,7 +110,7 @@ class Recorder:
     # The odometer's other inputs.
 
     def noted(self, reading: EncoderReading) -> None:
-        """A reading is handed to the odometer, of which its bytes do not show all."""
+        """Record the facts of a reading that its bytes do not show."""
         self.record(
             records.ReadingRecord(
                 received_ns=reading.received_ns,
@@ -123,7 +123,7 @@ class Recorder:
         )
 
     def estimate(self, estimate: OdometryEstimate) -> None:
-        """The odometer made an estimate; its pose is recorded now and then."""
+        """Record the pose of an estimate, five times a second at most."""
         if estimate.stamp_ns - self._posed_ns >= POSES_EVERY_NS:
             self._posed_ns = estimate.stamp_ns
             self.record(records.Posed(stamp_ns=estimate.stamp_ns, pose=estimate.pose))
@@ -144,7 +144,7 @@ class Recorder:
     # Commands and decisions.
 
     def command(self, source: str, twist: Twist2d = STANDSTILL, refused: str = "") -> None:
-        """A command was accepted or refused; one that could not be read has no twist."""
+        """Record an accepted or refused command; an unreadable one has no twist."""
         now_ns = self._now_ns()
         if now_ns - self._second_ns >= NS_PER_S:
             self._count_lost()
@@ -163,7 +163,7 @@ class Recorder:
             self.record(records.Lost(what="commands", count=lost))
 
     def decision(self, state: str, driver: str, why: str) -> None:
-        """Who drives, and why the robot stands; recorded when it changed."""
+        """Record who drives, and why the robot stands, when that changes."""
         decision = records.DecisionRecord(state=state, driver=driver, why=why)
         if decision != self._decision:
             self._decision = decision

@@ -1,19 +1,19 @@
-"""The records of a black box, and what they promise.
+"""The records of a black box, and their promise.
 
-A record has a kind, a moment (monotonic nanoseconds) and a payload of bytes. Records stand in the
-order in which things happened in the daemon's loop.
+A record has a kind, a moment (monotonic nanoseconds) and a payload of bytes. Records have the
+order of events in the daemon's loop.
 
-What is promised: from the first :class:`Anchor` on, where no segment is damaged, the pure rooms
-compute from the records, bit by bit, the estimates that the daemon computed. For that:
+The promise: from the first :class:`Anchor` on, unless a segment is damaged, the pure rooms
+compute from the records, bit by bit, the estimates that the daemon computed. To do so:
 
-1. Make an odometer as the header's ``odometer`` says, and restore the anchor's state
-   (:func:`yahboomd.core.odometry.snapshot.restore`). The anchor stands where all bytes that came
-   before were made use of and no part of a frame was held: framers begin empty. ``dialect`` is that
-   of the board; where it is empty no board is connected, and counts are not used.
-2. Hand on the records to the odometer in their order: :class:`Armed`, :class:`Renewal`,
+1. Make an odometer from the header's ``odometer``, and restore the anchor's state
+   (:func:`yahboomd.core.odometry.snapshot.restore`). At the anchor all earlier bytes had been used
+   and no part of a frame was held: framers begin empty. ``dialect`` is that
+   of the board; if it is empty no board is connected, and counts are not used.
+2. Pass the records to the odometer in their order: :class:`Armed`, :class:`Renewal`,
    :class:`PoseSet` and :class:`SteerRecord` are calls of its methods.
-3. :class:`Opened` begins a connection: a fresh framer, no dialect. :class:`Identified` tells the
-   dialect; bytes since ``Opened`` went through its framer, and nothing of them to the odometer.
+3. :class:`Opened` begins a connection: a fresh framer, no dialect. :class:`Identified` has the
+   dialect; the bytes since ``Opened`` went through its framer, and none of them to the odometer.
    From there on counts and samples of the inertial sensor do. :class:`Closed` ends it.
 4. :class:`Received` is one read of the port, at the moment that the line used for it. For each item
    that the framer finds in it, counts were received at ``at_ns - item.trailing * byte_ns``, and
@@ -23,7 +23,7 @@ compute from the records, bit by bit, the estimates that the daemon computed. Fo
 5. A :class:`ReadingRecord` behind it completes the counts with the same ``received_ns``, by the
    facts that their bytes do not show. Counts without one came by themselves, with no flag set. If
    it has ``requested_ns``, they were sent no earlier.
-6. :class:`Anchor` and :class:`Posed` have what the daemon computed, to compare with.
+6. :class:`Anchor` and :class:`Posed` have the results of the daemon, to compare with.
 
 ``yahboomd replay --odometry`` does this (:mod:`yahboomd.tools.replay.replayed_poses`).
 
@@ -72,7 +72,7 @@ class Identified(msgspec.Struct, frozen=True, kw_only=True):
     """The board is known: from here on its counts are used.
 
     Attributes:
-        settings: What it stores, by name; None where it cannot be asked.
+        settings: Its stored settings, by name; None if it cannot be asked.
     """
 
     dialect: str
@@ -80,16 +80,16 @@ class Identified(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Closed(msgspec.Struct, frozen=True, kw_only=True):
-    """The port was closed: what came of its bytes is over."""
+    """The port was closed: its bytes are of no further use."""
 
 
 class ReadingRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """What the bytes of a reading do not show; see :class:`yahboomd.core.model.EncoderReading`.
+    """Facts that a reading's bytes do not show; see :class:`yahboomd.core.model.EncoderReading`.
 
     Attributes:
-        received_ns: Tells which reading of the bytes just received.
+        received_ns: Identifies the reading among the bytes just received.
         requested_ns: When its question was on the board.
-        earliest_ns: Before it was not sampled.
+        earliest_ns: The earliest time at which it can have been sampled.
         after_reset: The first one since the board reset itself.
         after_gap: The first one since the port was opened.
         unbroken: The board was certainly not reset in that gap.
@@ -129,14 +129,14 @@ class SteerRecord(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Anchor(msgspec.Struct, frozen=True, kw_only=True):
-    """The whole state of the odometer, at a moment at which nothing is half received.
+    """The whole state of the odometer, at a moment with nothing half received.
 
     Attributes:
         port: The port that is open; empty for none.
         byte_ns: Nanoseconds that a byte takes on its wire.
-        dialect: The dialect of the board; empty where none is connected.
-        state: The odometer's state (:mod:`yahboomd.core.odometry.snapshot`); empty for one that was
-            given nothing yet, which any version can make.
+        dialect: The dialect of the board; empty if none is connected.
+        state: The odometer's state (:mod:`yahboomd.core.odometry.snapshot`); empty for a fresh one,
+            which any version can make.
     """
 
     port: str
@@ -159,7 +159,7 @@ class CommandRecord(msgspec.Struct, frozen=True, kw_only=True):
         vx: m/s forward, to seven digits, like those that follow.
         vy: m/s to the left.
         wz: rad/s.
-        refused: Why it was not taken; empty where it was.
+        refused: The reason of its refusal; empty if it was accepted.
     """
 
     source: str
@@ -195,7 +195,7 @@ class WallClock(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Lost(msgspec.Struct, frozen=True, kw_only=True):
-    """Records that were left out here, as in a flood of commands."""
+    """Records that were omitted here, as in a flood of commands."""
 
     what: str
     count: int
@@ -205,7 +205,7 @@ class Ended(msgspec.Struct, frozen=True, kw_only=True):
     """The daemon ended, and this ring was not saved yet.
 
     Attributes:
-        error: The fault of the daemon, in short; empty where it ended as it should.
+        error: The fault of the daemon, in short; empty if it ended normally.
     """
 
     reasons: tuple[str, ...]
@@ -252,7 +252,7 @@ BASE, RECEIVED, REPEATED, WRITTEN, READING, STEERED, COMMAND, WALL_CLOCK = range
 """The kinds that come often have a payload of their own; that of the others is MessagePack.
 
 BASE is the moment from which those behind it are counted; each segment begins with one. REPEATED is
-a read of the same bytes as the one before it, as a robot that stands sends them.
+a read of the same bytes as the one before it, typical of a standing robot.
 """
 
 MOMENT = struct.Struct("<q")
@@ -318,7 +318,7 @@ def _single(value: float) -> float:
 
 
 def decode(kind: int, payload: bytes) -> Meaning | None:
-    """What a record's payload means; None where it is damaged or of a kind that is not known."""
+    """Decode a record's payload; None if it is damaged or of an unknown kind."""
     try:
         return _decode(kind, payload)
     except (msgspec.DecodeError, struct.error, ValueError, RecursionError):

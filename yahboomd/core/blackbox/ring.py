@@ -1,6 +1,6 @@
 """Writes records into a fixed ring of segments, over the oldest ones.
 
-Law: whenever the process is killed, the ring is readable and holds every record that was written:
+Law: after a kill at any moment, the ring is readable and holds every record that was written:
 each is a write of its own. A write within a page of memory is done whole or not at all. A record on
 two pages gets its kind, its first byte, last; and the place behind the latest record is zero.
 """
@@ -16,10 +16,10 @@ _HEAD_BYTES = HEAD.size
 _pack = HEAD.pack
 _PAGE_BITS = 12
 SPAN_NS = 1 << 32
-"""Moments are written in 32 bits: after 4.3 s they are counted from another base."""
+"""Moments are written in 32 bits: after 4.3 s they are counted from a new base."""
 
 EARLIER_NS = 1_000_000_000
-"""Records come in their order, but a moment may be a little before the one of the last record."""
+"""Records come in order, but a moment may be a little before that of the last record."""
 
 Store = Callable[[bytes, int], object]
 """Writes bytes to a place in the box."""
@@ -30,14 +30,14 @@ class Ring:
 
     Args:
         store: Writes to the box, which holds zeros.
-        begin: Where the first one begins; a multiple of 4096, like their size.
+        begin: The start of the first one; a multiple of 4096, like their size.
         segment_bytes: The size of each.
         count: Their number.
 
     Attributes:
-        turned: A segment was begun, and what every segment should begin with is not written yet.
+        turned: A segment was begun, and its first records are not written yet.
         on_turned: Called when that becomes so.
-        left_out: Records that were too large.
+        left_out: Records that were dropped because they were too large.
     """
 
     def __init__(self, store: Store, begin: int, segment_bytes: int, count: int) -> None:
@@ -58,8 +58,6 @@ class Ring:
         """Write a record.
 
         Args:
-            kind: Its kind.
-            payload: Its content.
             at_ns: When it was made; monotonic nanoseconds.
 
         Raises:
@@ -75,7 +73,7 @@ class Ring:
         self._put(_pack(kind, len(payload), since_ns) + payload)
 
     def write_read(self, data: bytes, at_ns: int) -> None:
-        """Write a read of the port; if it brought the same bytes as the last one, in short."""
+        """Write a read of the port; one with the same bytes as the last takes only a head."""
         since_ns = at_ns - self._base_ns
         if data == self._read and self._at + _HEAD_BYTES <= self._end and 0 <= since_ns < SPAN_NS:
             self._put(_pack(REPEATED, 0, since_ns))
@@ -94,7 +92,7 @@ class Ring:
         self._at = end
 
     def _make_room(self, size: int, at_ns: int) -> bool:
-        """Begin a segment or set a base; whether a payload of this size fits then."""
+        """Begin a segment or set a base; return whether a payload of this size fits then."""
         needed = 2 * HEAD.size + MOMENT.size + size
         if needed + SEGMENT.size > self._segment_bytes:
             return False
@@ -109,7 +107,7 @@ class Ring:
         self._store(b"\0", start)
         self._store(self._zeros, start)
         self._number += 1
-        # A segment has to be readable without the one before it.
+        # A segment must be readable without the one before it.
         self._read = None
         self._store(SEGMENT.pack(1, self._number), start)
         self._at, self._end = start + SEGMENT.size, start + self._segment_bytes

@@ -1,8 +1,8 @@
 """The file of a ring: in memory that outlives the process, and locked while its daemon lives.
 
 A ring without a lock was left behind, by a daemon that was killed or that could not save it.
-The file lies in memory (a tmpfs): a write to a disk's file may have to wait for the disk, and with
-it the control loop. If no memory is mounted there is no ring.
+The file lies in memory (a tmpfs): a write to a file on a disk may have to wait for the disk, and
+the control loop with it. If no memory is mounted there is no ring.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ SEGMENTS = 16
 SEGMENT_BYTES = 48 * 1024
 """The newest fifteen segments are always there: 720 KiB, 12 kB for each of 60 s.
 
-The most that the boards of this house send is 6.6 kB/s, with what belongs to each record: a
+The boards of this house send 6.6 kB/s at most, with the overhead of each record: a
 four-channel board sends 169 lines of 32 bytes a second, each in a read of its own. Its commands and
 their repeats are 1.9 kB/s, the commands from the bus, at most 100 a second, 3.5 kB/s.
 """
@@ -35,12 +35,12 @@ their repeats are 1.9 kB/s, the commands from the bus, at most 100 a second, 3.5
 SUFFIX = ".ring"
 UNFINISHED = ".ring-new"
 LEFT_MOST = 4
-"""So many rings that were left behind are kept for the next start, the first one and the newest."""
+"""This many left rings are kept for the next start: the first one and the newest."""
 
 SET_ASIDE = ".ring-damaged"
 
 LARGEST = 4 << 20
-"""No ring is larger."""
+"""The largest ring."""
 
 _TO_READ = os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK
 _MEMORY = Path("/dev/shm")  # noqa: S108 - its entries are checked before they are used
@@ -49,7 +49,7 @@ _IN_MEMORY = {"tmpfs", "ramfs", "rootfs"}
 
 
 def ring_folder(runtime: Path, user_id: int) -> Path | None:
-    """The folder of the rings; None if no memory is mounted for it: a disk would be waited for.
+    """The folder of the rings; None if no memory is mounted for it, because a disk may block.
 
     It is the runtime folder, or one in /dev/shm if that is on a disk.
 
@@ -72,7 +72,7 @@ def leave_folder(folder: Path) -> None:
 
 
 def sweep_folders(own: Path, user_id: int, wall_ns: int) -> None:
-    """Remove what daemons with other runtime folders left in /dev/shm a day ago or earlier."""
+    """Remove folders that daemons with other runtime folders left in /dev/shm a day ago or more."""
     for folder in _MEMORY.glob(f"yahboomd-{user_id}-*"):
         with contextlib.suppress(OSError):
             status = os.lstat(folder)
@@ -129,12 +129,12 @@ class RingFile:
         self.ring = Ring(self._store, len(head), header.segment_bytes, SEGMENTS)
 
     def _store(self, data: bytes, at: int) -> None:
-        # A late record finds it closed, and perhaps another file under the same number.
+        # After it was closed, another file may have its number.
         if self._fd >= 0 and os.pwrite(self._fd, data, at) != len(data):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     def segments(self) -> bytes:
-        """A copy of what is in it, without the header.
+        """A copy of its content, without the header.
 
         Raises:
             OSError: It cannot be read.
@@ -165,10 +165,10 @@ class LeftRing:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why it is to be saved: its daemon was killed, unless it says otherwise.
+        """The reasons to save it: those that its daemon recorded, else that it was killed.
 
         Raises:
-            NotABox: It is none.
+            NotABox: It is no black box.
         """
         for record in reversed(read_box(self.data).records):
             if isinstance(record.meaning, Ended) and record.meaning.reasons:
@@ -209,16 +209,16 @@ def is_live(path: Path) -> bool:
 
 
 def set_aside(path: Path) -> None:
-    """Give what is no ring another name: it is not looked at again, and can be looked into."""
+    """Rename a file that is no ring: it is ignored from now on, and can be inspected."""
     with contextlib.suppress(OSError):
         os.rename(path, path.with_suffix(SET_ASIDE))
 
 
 @contextlib.contextmanager
 def left_rings(folder: Path) -> Iterator[tuple[list[LeftRing], list[Path]]]:
-    """The rings that were left behind, the oldest first, and what only has the name of one.
+    """The rings that were left behind, the oldest first, and other things with the name of one.
 
-    No other daemon finds them meanwhile. A pipe, a device, a folder, another user's file and one
+    They are locked meanwhile. A pipe, a device, a folder, another user's file and one
     that is larger than any ring are no rings: they are never read.
     """
     held: list[int] = []

@@ -1,7 +1,7 @@
 """The folder of saved black boxes: bounded in files and bytes, each written whole or not at all.
 
-The first one is kept, and the newest ones: what began a series of faults is worth as much as its
-end. Every call may block for as long as the disk does.
+The first box is kept, and the newest ones: the beginning of a series of faults is worth as much as
+its end. Every call may block on the disk.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ FILES_MOST = 20
 BYTES_MOST = 8 << 20
 
 ROOM_BYTES = 16 << 20
-"""A disk with less room is left alone: what else the robot writes is worth more."""
+"""With less room on the disk nothing is saved: the robot's other files are worth more."""
 
 SUFFIX = ".blackbox"
 _NAME = re.compile(
@@ -37,7 +37,7 @@ class SavedBox(NamedTuple):
     """A saved box.
 
     Attributes:
-        number: They are counted on from each other.
+        number: Each has the number after the largest of those before.
         written_ns: When it was written, by its file; Unix nanoseconds.
     """
 
@@ -78,7 +78,7 @@ def save_box(folder: Path, data: bytes, *, reason: str, wall_ns: int, robot: str
         robot: Its name, for the file's.
 
     Raises:
-        OSError: The disk is full, gone or read-only. Nothing is left of it.
+        OSError: The disk is full, gone or read-only. No part of the file remains.
     """
     _sweep(folder, wall_ns)
     room = os.statvfs(folder)
@@ -119,7 +119,7 @@ def _write(path: Path, data: bytes) -> None:
 
 
 def _make_room(folder: Path, size: int) -> None:
-    """Remove from the second one on: the first one stays."""
+    """Remove the oldest ones but the first."""
     boxes = saved_boxes(folder)
     while len(boxes) > 1 and (
         len(boxes) >= FILES_MOST or sum(box.size for box in boxes) + size > BYTES_MOST

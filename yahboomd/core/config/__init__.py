@@ -1,7 +1,7 @@
 """Configuration: ``config.toml``, ``YAHBOOMD_…`` variables and ``--set`` as one checked value.
 
 :func:`read` reads all three and reports every mistake at once, with file, line and key. `hardware`,
-`driving` and `outputs` have the keys and their defaults, `rules` what keys must agree on; the
+`driving` and `outputs` have the keys and their defaults, `rules` compares keys with each other; the
 reference page is written from them.
 """
 

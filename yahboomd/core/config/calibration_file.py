@@ -1,7 +1,7 @@
-"""The file that `yahboomd calibrate` writes: a layer over ``config.toml``, with where it is from.
+"""The file that `yahboomd calibrate` writes: a layer over ``config.toml``, with its origin.
 
-It counts for the robot that it was made for: the wheels' nominal size, their distance and their
-counts stand in it, and where the configuration says otherwise, it is ignored with a warning.
+It is valid for the robot that it was made for. It has the wheels' nominal size, their distance and
+their counts; if the configuration differs, it is ignored with a warning.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Geometry(Section):
     wheel_radius_m: float
     ticks_per_revolution: float
     wheel_base_m: float | None = None
-    """Of a mecanum base, whose turns depend on it."""
+    """Only of a mecanum base, whose turns depend on it."""
 
 
 class Multipliers(Section):
@@ -37,7 +37,7 @@ class Multipliers(Section):
     wheel_radius_multiplier: dict[str, Multiplier]
     wheel_separation_multiplier: Multiplier
     sideways_multiplier: Multiplier | None = None
-    """Of a mecanum base."""
+    """Only of a mecanum base."""
 
 
 class Calibration(Section):
@@ -46,8 +46,8 @@ class Calibration(Section):
     Attributes:
         made: The date, and the time of day in UTC.
         method: How it was measured, in a few words.
-        residual: What is left over, in words for people.
-        before: What it replaced.
+        residual: The error that remains, in words for people.
+        before: The multipliers that it replaced.
     """
 
     made: str
@@ -75,7 +75,7 @@ def read_calibration(path: Path) -> Calibration:
     """Read a calibration file.
 
     Raises:
-        ConfigError: It cannot be used; the message says why.
+        ConfigError: It cannot be used; the message has the reason.
     """
     from pydantic import ValidationError
 
@@ -93,7 +93,7 @@ def read_calibration(path: Path) -> Calibration:
 
 
 def difference(calibration: Calibration, config: Config) -> str:
-    """The part of the robot that changed since, in words; empty where none did."""
+    """The part of the robot that changed since, in words; empty if none did."""
     then, now = calibration.geometry, geometry_of(config)
     changed = [
         f"chassis.{name} was {inline(getattr(then, name))} and is {inline(getattr(now, name))}"

@@ -35,7 +35,7 @@ class Serial(Section):
         description="Device of the board, such as /dev/ttyUSB0. Empty: the only CH340 (1a86:7523, "
         "1a86:7522) on USB, or /dev/yahboom_driver; of several the one that is heard, else the "
         "one that answers, 1a86:7523 asked first; two boards are refused. Not a pseudo-terminal "
-        "of a relay (socat, ser2net): where that sends slowly, stops come seconds late.",
+        "of a relay (socat, ser2net): if it sends slowly, stops come seconds late.",
     )
     baudrate: int = key(
         default=115200,
@@ -64,7 +64,7 @@ class Serial(Section):
 
 
 LOW_CHARGE = 0.1
-"""A battery with less is low, where its curve is known."""
+"""A battery with less is low, if its curve is known."""
 
 BatteryPoint: TypeAlias = Annotated[
     tuple[float, float],
@@ -155,7 +155,7 @@ class Board(Section):
         le=3600,
         examples=[1900],
         description="For profile custom: PWM units below which the motor does not turn. "
-        "Absent: what the board stores.",
+        "Absent: the value that the board stores.",
     )
     lines: int | None = key(
         default=None,
@@ -202,9 +202,9 @@ def _gyro_axes_problem(axes: str) -> str | None:
 
 
 class Imu(Section):
-    """The board's inertial sensor, where it has one: how it is mounted and calibrated.
+    """The board's inertial sensor, if it has one: its mounting and calibration.
 
-    What is published lies along the axes of the base: forward, left, up.
+    Published samples lie along the axes of the base: forward, left, up.
     """
 
     axes: Annotated[str, Checked("", _axes_problem)] = key(
@@ -213,7 +213,7 @@ class Imu(Section):
     )
     gyro_axes: Annotated[str, Checked("", _gyro_axes_problem)] = key(
         default="",
-        description="The same for the gyro, where the board gives it other signs. Empty: as axes. "
+        description="The same for the gyro, if the board gives it other signs. Empty: as axes. "
         "A positive turn is counter-clockwise, seen from above.",
     )
     gyro_scale: float | None = key(
@@ -221,7 +221,7 @@ class Imu(Section):
         ge=0.5,
         le=2.0,
         examples=[1.0],
-        description="The true turn, for each turn that the gyro shows; calibrated to 0.1 %. "
+        description="The true turn per turn that the gyro shows; calibrated to 0.1 %. "
         "Absent: 1, with the datasheet's tolerance, and used once a clear turn showed the sign.",
     )
     frame_id: Frame = key(
@@ -239,14 +239,14 @@ class MotorEntry(Section):
         ge=1, le=4, description="Its connector on the board, M1 to M4 (the article's A to D)."
     )
     command_sign: Sign = key(
-        default=1, description="-1 where a positive command turns the wheel backward."
+        default=1, description="-1 if a positive command turns the wheel backward."
     )
     encoder_sign: Sign = key(
-        default=1, description="-1 where the counts fall while the wheel rolls forward."
+        default=1, description="-1 if the counts fall while the wheel rolls forward."
     )
     name: MotorName | None = key(
         default=None,
-        description="Its name in messages. Absent: the wheel's name, numbered where the wheel "
+        description="Its name in messages. Absent: the wheel's name, numbered if the wheel "
         "has several motors.",
     )
 
@@ -323,7 +323,7 @@ class Chassis(Section):
         ge=0.1,
         le=10.0,
         description="The article's SCALE_FACTOR as a multiplier of 1000 units per m/s: above 1 "
-        "where the wheels turn slower than commanded.",
+        "if the wheels turn slower than commanded.",
     )
     wheel_radius_multiplier: dict[str, Positive] = key(
         default={"left": 1.0, "right": 1.0},

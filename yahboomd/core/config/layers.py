@@ -1,6 +1,6 @@
 """The layers of a configuration, one over the other: file, calibration, environment, ``--set``.
 
-Each value keeps its origin, so that a mistake is reported where it was written.
+Each value keeps its origin, so that a mistake is reported with its file and line.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _OVERRIDE = re.compile(rf"(?P<key>{_PART}(?:\.{_PART})+)=(?P<value>.*)", re.DOTA
 
 
 class Origin(NamedTuple):
-    """The place where a value was written; sorts as the layers do, then by line."""
+    """The origin of a value; sorts as the layers do, then by line."""
 
     layer: int
     line: int
@@ -65,7 +65,7 @@ NOWHERE = Origin(-1, 0, "")
 
 @dataclass
 class Layers:
-    """The values that were read so far.
+    """The values of the layers that were read.
 
     Attributes:
         defaults: The whole configuration without any layer, as in a file.
@@ -105,7 +105,7 @@ class Layers:
         return min(inside, default=NOWHERE)
 
     def read_file(self, path: Path) -> None:
-        """Take the values of a TOML file, or note why that is impossible."""
+        """Take the values of a TOML file, or note the reason why that is impossible."""
         self._path = plain(str(path))
         try:
             raw = read_named(path, LARGEST_FILE_BYTES + 1)
@@ -136,7 +136,7 @@ class Layers:
         """Take a calibrated value over that of the file, unless one was given over both.
 
         Args:
-            words: Where it comes from.
+            words: Its origin.
         """
         if not any(key[: len(place)] == place for key in self.written):
             self._put(place, value, Origin(1, 0, words), "")

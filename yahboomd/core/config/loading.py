@@ -19,18 +19,19 @@ if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
 STANDARD_PATH = Path("/etc/yahboomd/config.toml")
-"""Read when no file is named, where it exists."""
+"""Read if no file is named, and it exists."""
 
 
 @dataclass(frozen=True)
 class Loaded:
-    """A configuration, and how it came about.
+    """A configuration and its sources.
 
     Attributes:
-        layers: What the configuration was read from.
+        layers: The layers that it was read from.
         path: The file that was read, if any.
-        warnings: Sentences about what works and may surprise.
-        calibration_path: Where its calibration is, or would be; None without a state directory.
+        warnings: Sentences about settings that work but may surprise.
+        calibration_path: The path of its calibration, which need not exist; None without a state
+            directory.
     """
 
     config: Config
@@ -110,14 +111,14 @@ def read_foreign(data: object, owner: str) -> Config:
     """The configuration of another yahboomd, which may be another version.
 
     Args:
-        owner: What has it, as the beginning of a sentence.
+        owner: Its owner, as the beginning of a sentence.
 
     Raises:
         ConfigError: This version does not know such a configuration.
     """
     version = ""
     if isinstance(data, dict):
-        # The answer of the service says its version beside its sections.
+        # The answer of the service has its version beside its sections.
         version, data = data.get("version", ""), {k: v for k, v in data.items() if k != "version"}
     config, errors = _validated(data)
     if errors:
@@ -131,7 +132,7 @@ def read_foreign(data: object, owner: str) -> Config:
 
 
 def _calibrate(layers: Layers, config: Config, path: Path) -> str:
-    """Take the calibration in a file; why it is ignored, else."""
+    """Take the calibration in a file, or return why it is ignored."""
     from yahboomd.core.config.calibration_file import difference, read_calibration
 
     try:
@@ -189,7 +190,7 @@ def _wrong(layers: Layers, errors: list[ErrorDetails]) -> dict[Place, tuple[Orig
 
 
 def _take_texts(layers: Layers, errors: list[ErrorDetails]) -> bool:
-    """Take values of environment and ``--set`` as text where TOML made something else of them.
+    """Take values of environment and ``--set`` as text if TOML took them for something else.
 
     A list of texts may be given without the quotes and brackets that shells and make take away.
     """

@@ -1,4 +1,4 @@
-"""pydantic's errors in the words of a person who writes TOML, with what was probably meant."""
+"""pydantic's errors in the words of a person who writes TOML, with a suggestion."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def place_of(error: ErrorDetails) -> Place:
 
 
 def words_for(error: ErrorDetails) -> str:
-    """Say what was expected at the place of an error, and what is there."""
+    """Describe the expected value at the place of an error, and the present one."""
     place, value = place_of(error), error["input"]
     if error["type"] == "unexpected_keyword_argument":
         return _unknown(place)
@@ -46,7 +46,7 @@ def words_for(error: ErrorDetails) -> str:
 
 
 def shown(value: object) -> str:
-    """A value as TOML writes it, cut where it is long."""
+    """A value as TOML writes it, cut if it is long."""
     try:
         text = inline(value)
     except (ValueError, RecursionError):
@@ -57,13 +57,13 @@ def shown(value: object) -> str:
 def _nearest(place: Place, value: str, choices: list[str]) -> str:
     close = difflib.get_close_matches(value, choices, n=1)
     if not close and place == ("ros2", "distro"):
-        # They are in the order of the alphabet, and a newer one is most like the newest.
+        # They are in alphabetical order, and a newer one is most like the newest.
         close = [choices[0], *(name for name in choices[1:-1] if name < value)][-1:]
     return f'; the nearest is "{close[0]}"' if close else ""
 
 
 def _unknown(place: Place) -> str:
-    """Say that there is no such key, and suggest one: the same elsewhere, or one like it."""
+    """Report an unknown key, and suggest one: the same elsewhere, or a similar one."""
     *table, name = place
     words = f"unknown {'key' if table else 'section'}"
     known = list(schema.node_at(tuple(table))["properties"])

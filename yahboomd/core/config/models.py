@@ -183,7 +183,7 @@ def runtime_folder(environ: Mapping[str, str], *, user_id: int) -> Path:
 def calibration_path(
     config: Config, environ: Mapping[str, str], path: Path | None, *, user_id: int
 ) -> Path | None:
-    """The calibration file of a configuration; None where there is no state directory."""
+    """The calibration file of a configuration; None without a state directory."""
     if config.chassis.calibration_file:
         return Path(config.chassis.calibration_file)
     folder = state_folder(environ, path, user_id=user_id)
@@ -193,7 +193,7 @@ def calibration_path(
 def blackbox_folder(
     config: Config, environ: Mapping[str, str], path: Path | None, *, user_id: int
 ) -> Path | None:
-    """The folder of the saved black boxes; None where there is no state directory."""
+    """The folder of the saved black boxes; None without a state directory."""
     if config.blackbox.folder:
         return Path(config.blackbox.folder)
     folder = state_folder(environ, path, user_id=user_id)
@@ -201,7 +201,7 @@ def blackbox_folder(
 
 
 def state_folder(environ: Mapping[str, str], path: Path | None, *, user_id: int) -> Path | None:
-    """The state directory; None where there is none.
+    """The state directory; None if there is none.
 
     Args:
         environ: For ``STATE_DIRECTORY`` (the service manager's), ``XDG_STATE_HOME`` and ``HOME``.

@@ -25,8 +25,8 @@ class Odometry(Section):
         default=50.0,
         gt=0.0,
         le=1000.0,
-        description="Questions for the counters in a second, where the board has to be asked, 5 at "
-        "least; one that streams sends them by itself, new ones every 10 ms.",
+        description="Requests for the counters per second, if the board has to be asked, at least "
+        "5; one that streams sends them by itself, new ones every 10 ms.",
     )
     publish_rate_hz: float = key(
         default=50.0,
@@ -47,8 +47,8 @@ class Odometry(Section):
     )
     heading: Literal["wheels", "fused"] = key(
         default="wheels",
-        description="The source of the heading. fused: wheels and gyro, where the board has one; "
-        "see that imu.axes are right first.",
+        description="The source of the heading. fused: wheels and gyro, if the board has one; "
+        "check imu.axes first.",
     )
     travel_noise_m: float = key(
         default=0.0032,
@@ -133,13 +133,11 @@ class Ros2(Section):
     odom: bool = key(default=True, description="Publish nav_msgs/Odometry.")
     publish_tf: bool = key(
         default=True,
-        description="Publish the transform from odom to base_link; off where another node, such "
+        description="Publish the transform from odom to base_link; off if another node, such "
         "as robot_localization, does.",
     )
     joint_states: bool = key(default=True, description="Publish sensor_msgs/JointState.")
-    imu: bool = key(
-        default=True, description="Publish sensor_msgs/Imu, where the board has a sensor."
-    )
+    imu: bool = key(default=True, description="Publish sensor_msgs/Imu, if the board has a sensor.")
     battery_state: bool = key(default=True, description="Publish sensor_msgs/BatteryState.")
     diagnostics: bool = key(
         default=True, description="Publish diagnostic_msgs/DiagnosticArray, once a second."
@@ -150,7 +148,7 @@ class Ros2(Section):
     )
     imu_topic: Topic = key(
         default="imu",
-        description="Where the inertial sensor is published: as data_raw and data below it.",
+        description="Topic of the inertial sensor: data_raw and data below it.",
     )
     battery_state_topic: Topic = key(
         default="battery_state", description="Topic of the battery's state."
@@ -174,12 +172,12 @@ class Ros2(Section):
     static_transforms: tuple[StaticTransform, ...] = key(
         default=(),
         strict=False,
-        description="Frames for /tf_static, where no robot_state_publisher publishes them.",
+        description="Frames for /tf_static, if no robot_state_publisher publishes them.",
     )
 
 
 class BlackBox(Section):
-    """The black box: what happened in the last minute, to see why the robot stopped."""
+    """The black box: a record of the last minute, to see why the robot stopped."""
 
     enabled: bool = key(
         default=True,
@@ -188,7 +186,7 @@ class BlackBox(Section):
     )
     folder: AbsolutePath = key(
         default="",
-        description="Where it is saved. Empty: blackbox in the state directory.",
+        description="Folder of the saved boxes. Empty: blackbox in the state directory.",
     )
 
 

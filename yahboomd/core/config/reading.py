@@ -9,17 +9,17 @@ import stat
 from pathlib import Path
 
 PIPE_S = 5.0
-"""The longest wait for a pipe or a device: the start must not hang without a word."""
+"""The longest wait for a pipe or a device: the start must not hang silently."""
 
 
 def read_named(path: Path, most: int, *, wait_s: float = PIPE_S) -> bytes:
     """The first ``most`` bytes of a file, or of a pipe once something is written to it.
 
     Args:
-        wait_s: The longest wait for the next bytes of what is no ordinary file; 0 refuses it.
+        wait_s: The longest wait for the next bytes of a pipe or device; 0 refuses it.
 
     Raises:
-        OSError: It cannot be read. Its ``strerror`` says why.
+        OSError: It cannot be read. Its ``strerror`` has the reason.
     """
     # Without O_NONBLOCK a named pipe would be opened only when somebody writes to it.
     fd = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)

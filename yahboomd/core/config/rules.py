@@ -1,7 +1,7 @@
 """The rules that compare keys with each other.
 
 A rule reads a configuration whose single values are valid, and yields contradictions. A finding
-names every key that was compared: it is dropped where one of them already has a mistake.
+names every key that was compared: it is dropped if one of them already has a mistake.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ FIXED_TOPICS = {
 
 @dataclass(frozen=True)
 class Finding:
-    """A contradiction, or with ``is_warning`` something that works and may surprise.
+    """A contradiction, or with ``is_warning`` a setting that works but may surprise.
 
     Attributes:
         place: The key to change.
@@ -60,7 +60,7 @@ LONG_RAMP_S = 2.0
 """A robot whose program died should not drive on for longer."""
 
 LEAST_POLL_HZ = 5
-"""Counts that come more seldom show too late, or never, whether wheels stand or turn."""
+"""With rarer counts it shows too late, or never, whether wheels stand or turn."""
 
 
 def presets(config: Config) -> Iterator[Finding]:
@@ -76,7 +76,7 @@ def presets(config: Config) -> Iterator[Finding]:
         if wheel not in usual:
             words = f'preset "{preset}" has the wheels {", ".join(usual)}'
             for side, motors in usual.items():
-                # A wheel's name that is a motor's in a list.
+                # The name is that of a motor in a list, not of a wheel.
                 for position in (each.position for each in motors if each.name == wheel):
                     words += f": write motors.{side} = [{{ position = {position}, \u2026 }}]"
             yield Finding((*_MOTORS, wheel), words, (_PRESET,))
@@ -220,7 +220,7 @@ def speeds(config: Config) -> Iterator[Finding]:
 
 
 def ramps(config: Config) -> Iterator[Finding]:
-    """The ramp after silence is short; a warning says where it is not."""
+    """The ramp after silence is short; a longer one gives a warning."""
     beside: Place = ("command", "on_timeout")
     for axis, unit in (("linear", "m"), ("angular", "rad")):
         limits = getattr(config.limits, axis)
@@ -270,10 +270,10 @@ def rates(config: Config) -> Iterator[Finding]:
     poll_bytes = max(each.poll_bytes for each in DIALECTS.values() if chosen in {"auto", each.name})
     most = config.serial.baudrate / BITS_PER_BYTE / poll_bytes if poll_bytes else math.inf
     if poll_hz > most:
-        words = f"expected at most {most:.0f}, what {config.serial.baudrate} baud carry, got "
+        words = f"expected at most {most:.0f}, the most for {config.serial.baudrate} baud, got "
         yield Finding(poll, f"{words}{number(poll_hz)}", (baud, dialect), chosen == "auto")
     if poll_bytes and poll_hz < LEAST_POLL_HZ:
-        words = f"expected at least {LEAST_POLL_HZ}: else counts show too late what wheels do, got "
+        words = f"expected at least {LEAST_POLL_HZ}: fewer counts show motion too late, got "
         yield Finding(poll, f"{words}{number(poll_hz)}", (dialect,), chosen == "auto")
     period_ns = DIALECTS[chosen].sample_period_ns if chosen in DIALECTS else None
     if period_ns is not None:
@@ -286,7 +286,7 @@ def rates(config: Config) -> Iterator[Finding]:
 
 
 def battery(config: Config) -> Iterator[Finding]:
-    """A battery is low before it is empty, and somebody asks for its voltage."""
+    """A battery is low before it is empty, and its voltage is requested."""
     board, low = config.board, config.board.low_v()
     stop: Place = ("board", "battery_stop_v")
     beside: Place = ("board", "battery_low_v")
@@ -300,7 +300,7 @@ def battery(config: Config) -> Iterator[Finding]:
 
 
 def bus(config: Config) -> Iterator[Finding]:
-    """The bus can be reached; a warning says when other machines can reach it."""
+    """The bus can be reached; a warning reports that other machines can reach it."""
     zenoh = config.zenoh
     mode: Place = ("zenoh", "mode")
     listen: Place = ("zenoh", "listen")

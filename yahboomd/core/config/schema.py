@@ -1,4 +1,4 @@
-"""The JSON Schema of the configuration, and what it says about each key in words."""
+"""The JSON Schema of the configuration, and its words about each key."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def _places(node: Node, at: Place) -> Iterator[Place]:
 
 
 def entry_table(node: Node) -> Node | None:
-    """The table that a key holds, by name or in a list; None where it holds none."""
+    """The table that a key holds, by name or in a list; None if it holds none."""
     node = resolved(node)
     inside = _entries(node)
     return entry_table(inside) if inside else node if "properties" in node else None
@@ -110,7 +110,7 @@ def takes(node: Node) -> str:
 
 
 def constraint(node: Node) -> str:
-    """The values that a key takes, as a sentence, where that is more than its type."""
+    """The values that a key takes, as a sentence, if that is more than its type."""
     words = takes(node)
     is_plain = resolved(node).get("type") == "object" or words in _TYPES.values()
     return "" if is_plain else f" Takes {words}."

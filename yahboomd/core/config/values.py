@@ -1,7 +1,7 @@
 """The types of values in the configuration, and how a key is written in messages.
 
-Each type states what it takes; the reference page and ``config.toml`` repeat these words. Types are
-checked by pydantic, which is imported where values are read: `yahboomd stop` has no use for it.
+Each type states the values that it takes; the reference page and ``config.toml`` repeat these
+words. pydantic checks the types, and is imported only to read values: `yahboomd stop` needs none.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def key(*, default: Any = MISSING, description: str, **bounds: Any) -> Any:  # n
     """A key of a section.
 
     Args:
-        default: Its value where it is not given; without one it must be.
+        default: Its value if it is not given; without a default it must be given.
         description: Its meaning.
         bounds: The values that it takes, as the arguments of pydantic's ``Field``.
     """
@@ -106,7 +106,7 @@ class Section:
 
 
 def without_none(value: Any) -> Any:  # noqa: ANN401
-    """Tables and lists as a file has them: what is None is left out."""
+    """Tables and lists as in a file: entries that are None are omitted."""
     if isinstance(value, dict):
         return {key: without_none(item) for key, item in value.items() if item is not None}
     return [without_none(item) for item in value] if isinstance(value, list | tuple) else value
@@ -140,8 +140,8 @@ class Choice:
     """One of a few names or numbers.
 
     Attributes:
-        names: Those that are always there.
-        registry: Its rows are names as well: those that it has when a value is checked.
+        names: The names that are always valid.
+        registry: Its rows at the time of a check are valid names as well.
     """
 
     names: tuple[str | int, ...]
@@ -177,8 +177,8 @@ class Checked(Generic[T]):
     """A value that passes a check.
 
     Attributes:
-        takes: What is accepted, as a noun; empty where the type says it.
-        problem: Why a text is refused; None where it is accepted.
+        takes: The accepted values, as a noun; empty if the type shows them.
+        problem: Returns the reason to refuse a text; None to accept it.
     """
 
     takes: str

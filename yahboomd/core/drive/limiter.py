@@ -1,6 +1,6 @@
 """The limits of motion for each axis: velocity, acceleration, deceleration and jerk.
 
-One law: **each step ends between where it started and the wish**, never beyond, never away. So a
+One law: **each step ends between its start and the wish**, never beyond, never away. So a
 wish for less speed never speeds up first, a ramp to zero cannot swing through it, and the last
 value is the wish itself.
 

@@ -41,7 +41,7 @@ NO_COUNTS_M = 0.03
 # A wheel that rolled the other way before takes twice as long to start, because the output of the
 # board's loop starts at the far edge of the motor's dead zone.
 TURNING_ROUND = 2
-# Where no wheel counts, or each was slow to, the motors may be stiffer than the stored dead zone,
+# If no wheel counts, or each was slow to, the motors may be stiffer than the stored dead zone,
 # and the loop has to add up the rest: 49 mm at 0.06 m/s for one that turns at 54 % of the output.
 SLOW_M = 0.02
 SLOW_START_M = 0.063

@@ -21,7 +21,7 @@ STANDS_M = 0.002
 """Held wheels hunt: by up to 8 counts on the vendor's firmware, which are 1.3 mm."""
 ROLLED_M = 0.005
 ROLLS_OUT_S = 0.3
-"""Wheels that are let go in motion roll no farther than in so long at their speed, on the level."""
+"""Wheels that are let go in motion roll no farther than their speed takes them in this time."""
 
 
 class Rest:
@@ -82,7 +82,7 @@ class Rest:
             words = (
                 f"{motor} rolled {farthest_m * 1e3:.0f} mm without a command after the wheels were "
                 "let go at rest: they are held until the next drive. On a slope that is as it "
-                "should be; command.at_rest says what wheels do at rest."
+                "should be; command.at_rest sets what wheels do at rest."
             )
             return Fault(kind="rolled", motor=motor, message=words, action="report")
         return None

@@ -183,7 +183,7 @@ def _impossible(
 def _crawling(
     decision: Decision, linear: AxisCaps | None, angular: AxisCaps | None
 ) -> list[Reason]:
-    """Explain limits that reduce a wish so much that the robot seems to stand."""
+    """Explain limits that reduce a wish until the robot seems to stand."""
     twist, found = decision.twist, list[str]()
     for name, unit, wish, limits, slow in (
         ("linear", "m/s", math.hypot(twist.vx, twist.vy), linear, STANDING_M_S),

@@ -64,7 +64,7 @@ ImuEncoder: TypeAlias = Callable[[int, Numbers, Numbers, Numbers], bytes]
 covariances behind it."""
 
 BatteryEncoder: TypeAlias = Callable[[int, float, float], bytes]
-"""Encodes a voltage, and the charge from 0 to 1; NaN where that is not known."""
+"""Encodes a voltage, and the charge from 0 to 1; NaN if that is not known."""
 
 
 class Layout:
@@ -135,7 +135,7 @@ def decode_velocity(payload: bytes) -> Velocity | str:
             return "a stamp that is no time"
         stamp_ns = seconds * SECOND_NS + nanoseconds or None
     vx, vy, vz, wx, wy, wz = _TWISTS[order].unpack_from(payload, offset)
-    # A sum is finite if all its terms are, unless they are so large that it does not matter.
+    # A sum is finite if all its terms are, unless they are too large to matter.
     return Velocity(vx, vy, wz, stamp_ns, math.isfinite(vx + vy + vz + wx + wy + wz))
 
 

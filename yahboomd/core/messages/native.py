@@ -38,7 +38,7 @@ MAX_LABEL = 64
 """Characters of a ``source`` label that are kept; a label is for people."""
 
 _STAMP = (
-    "Unix time in nanoseconds; runs backwards only where the robot's clock was set back by a "
+    "Unix time in nanoseconds; runs backwards only if the robot's clock was set back by a "
     "second or more, once for each time (event clock_stepped)."
 )
 Stamp = Annotated[int, Meta(ge=0, le=INT64_MAX, description=_STAMP)]
@@ -179,7 +179,7 @@ class ImuSample(msgspec.Struct, frozen=True, kw_only=True):
     theta_variance: Annotated[float, Meta(description="Of theta, rad^2.")]
     magnetic_t: Annotated[
         tuple[float, float, float] | None,
-        Meta(description="The magnetic field in tesla; null where there is no magnetometer."),
+        Meta(description="The magnetic field in tesla; null without a magnetometer."),
     ] = None
 
 
@@ -242,7 +242,7 @@ class EstopRequest(msgspec.Struct, frozen=True, kw_only=True):
     by: Annotated[
         str | None,
         Meta(
-            description="Who or what asks, for people. Read where the whole payload has 64 bytes "
+            description="Who or what asks, for people. Read if the whole payload has 64 bytes "
             "at most."
         ),
     ] = None
@@ -274,7 +274,7 @@ class ServiceReply(msgspec.Struct, frozen=True, kw_only=True):
     """The answer of every service."""
 
     success: Annotated[bool, Meta(description="Whether it was done.")]
-    message: Annotated[str, Meta(description="What was done, or why not.")]
+    message: Annotated[str, Meta(description="The result, or the reason of a refusal.")]
     data: Annotated[
         Mapping[str, Any], Meta(description="Values that the service returns, by name.")
     ] = msgspec.field(default_factory=dict)

@@ -9,7 +9,7 @@ from yahboomd.core.messages import cdr
 from yahboomd.core.model import ImuEstimate, Matrix3, OdometryEstimate, Pose2d, Twist2d
 
 UNMEASURED = 1e6
-"""The variance of axes that wheels cannot measure (z, roll, pitch): so large that filters give
+"""The variance of axes that wheels cannot measure (z, roll, pitch): large enough that filters give
 them no weight. Zero would claim perfect knowledge."""
 
 Numbers = tuple[float, ...]

@@ -21,7 +21,7 @@ _ARRAYS: dict[type, int] = {bool: 6, int: 7, float: 8, str: 9}
 """rcl_interfaces/msg/ParameterType; byte arrays (5) are not used."""
 
 _PARAMETER_BYTES = 40
-"""A rcl_interfaces/msg/Parameter has at least so many."""
+"""A rcl_interfaces/msg/Parameter has at least this many."""
 
 LEVELS = {"info": 20, "warning": 30, "error": 40}
 """rcl_interfaces/msg/Log's levels, by the severity of an event."""
@@ -230,7 +230,7 @@ class _Reader:
         return tuple(names)
 
     def _count(self, least: int) -> int:
-        """The length of a sequence whose entries have at least so many bytes."""
+        """The length of a sequence whose entries have at least ``least`` bytes."""
         count = self.number("I")
         if count * least > len(self._body) - self._at:
             raise _Malformed

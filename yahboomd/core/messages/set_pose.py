@@ -95,7 +95,7 @@ def covariance_problem(covariance: Matrix3) -> str | None:
     xy, xt, yt = found
     if max(map(abs, found)) > 1.0 + TOLERANCE:
         return "covariance is not positive semidefinite: a correlation is beyond 1"
-    # Where one pair is too small to have a correlation, some correlation fits the other two.
+    # If one pair is too small to have a correlation, some correlation fits the other two.
     known = min(deviations[one] * deviations[other] for one, other in _PAIRS) > NOTHING
     if known and 1.0 + 2.0 * xy * xt * yt - xy * xy - xt * xt - yt * yt < -TOLERANCE:
         return "covariance is not positive semidefinite"

@@ -113,7 +113,7 @@ _COMMAND = {
     "limited": "control steps whose command was faster than the limit of an axis",
     "too_tight": (
         "control steps whose command was tighter than the car can steer: it drives its tightest "
-        "curve at that speed, and stands where it was to turn on the spot"
+        "curve at that speed, and does not move if it was to turn on the spot"
     ),
     "desaturated": "control steps in which all wheels were slowed since one was too fast",
     "beats_missed": "control steps that were left out because yahboomd was late",
@@ -139,7 +139,7 @@ _COMMAND = {
     "estops": "times that the e-stop was engaged, engaged already or not",
     "estops_unread": "of these, by something too long to be read",
     "release_refused": "releases of the e-stop that were refused, on either key",
-    "estop_not_pressed": "samples on the e-stop's key which say that it is not pressed (a "
+    "estop_not_pressed": "samples on the e-stop's key that mean that it is not pressed (a "
     "`std_msgs/Bool` that is false)",
     "poses_refused": "samples that were to set the pose, and did not: another frame, or no pose",
     "estop_file_failures": "times that the e-stop's file could not be written or removed",
@@ -186,7 +186,7 @@ _BUS = {
     "clock_steps": "times that this machine's clock was set by a second or more",
     "puts": "samples published, on all keys",
     "put_errors": "samples that could not be published",
-    "samples_dropped": "samples lost, more than yahboomd takes; in a flood at least so many",
+    "samples_dropped": "samples lost, more than yahboomd takes; in a flood a lower bound",
     "samples_oversize": "samples refused for their size on keys that count none themselves",
     "floods": "times that samples began to be lost",
     "requests": "queries that reached their service",
@@ -200,7 +200,7 @@ _BUS = {
 }
 
 _UNCONNECTED = "no board is connected"
-_UNKNOWN = "no board is connected, or it has no settings; null where it did not answer"
+_UNKNOWN = "no board is connected, or it has no settings; null if it did not answer"
 
 
 def _counters(group: GroupName, meanings: dict[str, str]) -> tuple[StatusField, ...]:
@@ -276,7 +276,7 @@ FIELDS: tuple[StatusField, ...] = (
     ),
     _fact(
         *("command", "text", "recorders_off"),
-        "what was switched off because it failed, and why; empty: nothing was",
+        "the recorders that failed and were switched off, with the reason; empty: none",
     ),
     _fact("command", "text", "blackbox_last", "the newest saved black box; empty: none was saved"),
     _fact(
@@ -297,7 +297,7 @@ FIELDS: tuple[StatusField, ...] = (
         per="source",
     ),
     _fact(
-        *("command", "text", "clock_warnings", "what follows from a clock that is 0.1 s off"),
+        *("command", "text", "clock_warnings", "the effect of a clock that is 0.1 s off"),
         absent="no source's clock is off",
         per="source",
     ),
