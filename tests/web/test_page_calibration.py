@@ -17,8 +17,9 @@ from web_site import Page, Site
 from websockets.asyncio.client import connect
 from zenoh_fixtures import PATIENCE_S, eventually
 
+from yahboomd.cli.shell import command_tree
 from yahboomd.simulation.truth import TruthSample
-from yahboomd.web.page_calibration import RANGES, chosen
+from yahboomd.web.page_calibration import FLAGS, RANGES, chosen
 
 pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("web_tools")]
 
@@ -332,3 +333,16 @@ def test_every_bound_of_a_choice_is_one_that_the_command_accepts() -> None:
             arguments = chosen(verb, dict(zip(ranges, bounds, strict=True)))
             assert arguments is not None
             whole_parser().parse_args(["calibrate", *arguments])
+
+
+def test_a_page_may_choose_whatever_the_command_lets_a_person_choose() -> None:
+    found = {
+        node.words[2]: {flag for option in node.options for flag in option.flags}
+        for node in command_tree.whole().walk()
+        if node.words[1:2] == ("calibrate",) and len(node.words) == 3
+    }
+    elsewhere = {"--json", "--source", "--dialogue", "--held", "--help", "-h"}
+    of_the_robot = {"--timeout", "--connect", "--namespace", "--config", "--set", "-c"}
+    for verb, ranges in RANGES.items():
+        ours = {f"--{name}" for name in (*ranges, *FLAGS[verb])}
+        assert found[verb] - elsewhere - of_the_robot == ours

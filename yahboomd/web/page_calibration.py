@@ -26,6 +26,7 @@ RANGES: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "tape": {
         "straight": (0.2, 20.0),
         "turns": (1, 50),
+        "sideways": (0.2, 5.0),
         "speed": (0.02, 1.0),
         "turn-speed": (0.1, 3.0),
     },

@@ -15,7 +15,7 @@ const METHODS = [
       { name: "straight", label: "Straight run, m", value: 2, min: 0.2, max: 20, step: 0.1 },
       { name: "turns", label: "Turns each way", value: 5, min: 1, max: 50, step: 1 },
     ],
-    more: SPEEDS,
+    more: [{ name: "sideways", label: "To each side, m (mecanum wheels)", value: 1, min: 0.2, max: 5, step: 0.1 }, ...SPEEDS],
   },
   {
     verb: "squares",
