@@ -40,7 +40,7 @@ from yahboomd.core.program import release_command
 log = logging.getLogger(__name__)
 
 LONGEST_PERIOD_S = 0.1
-"""Steps also repeat stops, cut what does not obey them, and notice that no counts come."""
+"""Steps also repeat stops, cut wheels that do not obey them, and notice missing counts."""
 
 NOTED_WITHIN_S = 0.1
 """The longest that the first stop on a port waits for the note of how it was opened."""
@@ -75,7 +75,7 @@ def odometer_settings(config: Config) -> OdometerSettings:
 
 
 def odometer(config: Config, recorder: Recorder | None = None) -> Odometer:
-    """The odometer; with a recorder, what it is given is recorded."""
+    """The odometer; with a recorder, its inputs are recorded."""
     arguments = structs.asdict(odometer_settings(config))
     return Odometer(**arguments) if recorder is None else RecordedOdometer(recorder, **arguments)
 
@@ -136,7 +136,7 @@ def opener(
     """Looks for the port at each attempt: a board that comes back may be elsewhere.
 
     Args:
-        environ: Decides where to note how the port was opened, for the stop after a kill.
+        environ: Has the folder for the note on the open port, for the stop after a kill.
         opened: Called with each note, from a thread.
     """
     serial = config.serial
@@ -189,7 +189,7 @@ def _note(
     try:
         device = identify(os.stat(options.path))
     except OSError:
-        # Unplugged just now: the session will hear of it.
+        # Unplugged just now: the session will report it.
         return
     note = port_note.PortNote(
         **structs.asdict(options),

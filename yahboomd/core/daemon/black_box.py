@@ -1,6 +1,6 @@
-"""The black box of the daemon: what it records, and when it is saved.
+"""The black box of the daemon: its records, and the events that save it.
 
-The ring is in memory that outlives the process. It is saved a second after something that stops the
+The ring is in memory that outlives the process. It is saved a second after an event that stops the
 robot for a reason, so that it shows how the robot came to rest: copied on the loop, compressed and
 written by a thread. A disk that is full, slow or gone is counted, and reported once. A ring that
 was left behind is saved by the next daemon of the same user.
@@ -39,7 +39,7 @@ from yahboomd.core.model import Event, EventKind
 log = logging.getLogger(__name__)
 
 NAME = "The black box"
-"""By this it is reported if it fails."""
+"""The name by which its failure is reported."""
 
 REASONS: dict[EventKind, str] = {
     "estop": "estop",
@@ -52,25 +52,25 @@ REASONS: dict[EventKind, str] = {
     "stop_not_seen": "fault",
     "reset_loop": "fault",
 }
-"""The events that have the box saved, and the word for it."""
+"""The events that save the box, and the word for each."""
 
 ASKED = "asked"
 
 ANSWER_S = 3.0
-"""A client that asks for a box is answered within so long."""
+"""A client that asks for a box is answered within this time."""
 
 AFTERMATH_S = 1.0
 """The wheels stand a second after a stop, and the box shows it."""
 
 AGAIN_S = 60.0
-"""It is saved no more often: what happens meanwhile is in the next one, which holds a minute."""
+"""It is saved no more often: the next one holds a minute, and so all that comes in between."""
 
 
 class BoxKeeper:
     """Records, and saves. Made on the running loop.
 
     Attributes:
-        recorder: Takes what is recorded; None where nothing is.
+        recorder: Takes the records; None if nothing is recorded.
     """
 
     def __init__(
@@ -151,10 +151,10 @@ class BoxKeeper:
             "blackbox_last": self._last,
         }
 
-    # What is recorded besides the line.
+    # Records besides those of the line.
 
     def event(self, event: Event) -> None:
-        """Something happened; some of it has the box saved."""
+        """Record an event; some events save the box."""
         if self.recorder is None or not self._recording:
             return
         self.recorder.event(event)
@@ -162,7 +162,7 @@ class BoxKeeper:
             self._trigger(reason, AFTERMATH_S)
 
     def status(self, sample: StatusSample) -> None:
-        """Record who drives and why the robot stands, when that changed."""
+        """Record who drives and why the robot stands, when that changes."""
         if self.recorder is not None:
             self.recorder.decision(sample.state, sample.driver or "", without_age(sample.why))
 
@@ -218,7 +218,7 @@ class BoxKeeper:
         self._alarm.set(max(due_ns, self._clock.now_ns()))
 
     def _save(self) -> None:
-        """Save it, now that it is time to; after it the rings that were left behind, one by one."""
+        """Save it now; afterwards the rings that were left behind, one by one."""
         file = self._file
         if self._writer.busy or file is None:
             return
@@ -238,7 +238,7 @@ class BoxKeeper:
         return structs.replace(self._header, saved=saved)
 
     def _looked(self, newest_ns: int | None) -> None:
-        """The boxes of earlier daemons were looked at: one may have been saved just now."""
+        """Note the newest box of earlier daemons: it may have been saved just now."""
         if newest_ns is not None:
             age_ns = self._clock.wall_ns() - newest_ns
             if 0 <= age_ns < nanoseconds(AGAIN_S):
@@ -254,10 +254,10 @@ class BoxKeeper:
         self._schedule()
 
     def close(self, error: BaseException | None) -> None:
-        """End it, once the wheels were stopped: save what is to be saved. Blocks for 1.4 s at most.
+        """End it after the wheels were stopped, with a last save if one is due: 1.4 s at most.
 
         Args:
-            error: The fault that ends the daemon; None where it ends as it should.
+            error: The fault that ends the daemon; None for a normal end.
         """
         self._alarm.close()
         file, recorder = self._file, self.recorder
@@ -284,7 +284,7 @@ def _words(error: BaseException) -> str:
 
 
 def header(config: Config, clock: Clock) -> Header:
-    """What belongs to all records of this daemon.
+    """The facts about all records of this daemon.
 
     The configuration has no credentials: those are in the file that ``zenoh.config`` names.
     """

@@ -39,23 +39,23 @@ log = logging.getLogger(__name__)
 Result = TypeVar("Result")
 
 END_S = 0.7
-"""The end of the daemon waits so long for a box that is being written, once the wheels stand. The
+"""The longest that the end of the daemon waits for a box, once the wheels stand. The
 watchdog of the service, which is not fed meanwhile, would end it after 2 s."""
 
 STUCK_S = 10.0
 
 USUAL_NICE = 0
-"""The thread goes behind the loop of a daemon of higher priority, and no further: it holds the
-interpreter now and then, which the loop waits for. At a niceness of 19 beside programs that kept
+"""The thread goes behind the loop of a daemon of higher priority, but no further: it holds the
+interpreter now and then, and the loop waits for it. At a niceness of 19 beside programs that kept
 the machine busy, it did not run for seconds."""
 
 
 class BoxOutcome(NamedTuple):
-    """What came of writing a box.
+    """The result of writing a box.
 
     Attributes:
-        path: Its file; None where it was not written.
-        problem: Why not.
+        path: Its file; None if it was not written.
+        problem: The reason, if it was not.
     """
 
     path: Path | None
@@ -63,10 +63,10 @@ class BoxOutcome(NamedTuple):
 
 
 class BoxWriter:
-    """One box at a time.
+    """Writes one box at a time.
 
     Args:
-        folder: Where boxes are saved; None where there is no such place.
+        folder: The folder of saved boxes; None if there is none.
 
     Attributes:
         saved: Boxes that were written.
@@ -119,7 +119,7 @@ class BoxWriter:
         """Write a box.
 
         Args:
-            header: Why it is saved is in it.
+            header: The header, with the reasons.
             segments: The copy of the ring.
         """
         self._start(lambda: self._write(header, segments), done, self._failed)
@@ -140,7 +140,7 @@ class BoxWriter:
         self._start(job, done, self._failed)
 
     def save_last(self, header: Header, segments: bytes) -> bool:
-        """Write a box while the daemon ends; whether it was written in 0.7 s."""
+        """Write a box while the daemon ends; return whether it was written in 0.7 s."""
         written: list[BoxOutcome] = []
         thread = threading.Thread(
             target=lambda: written.append(self._write(header, segments)), daemon=True
@@ -150,7 +150,7 @@ class BoxWriter:
         return bool(written) and written[0].path is not None
 
     def end(self) -> bool:
-        """Wait for what is being written, for 0.7 s at most; whether it is."""
+        """Wait 0.7 s at most for the box that is being written; return whether it is."""
         if self._thread is None:
             return True
         self._thread.join(END_S)
@@ -166,7 +166,7 @@ class BoxWriter:
 
         Args:
             done: Called on the loop with its result.
-            instead: Returns what counts as the result of a job that raised, and reports it.
+            instead: Reports the error of a job that raised, and returns its result.
         """
         loop = asyncio.get_running_loop()
 
@@ -175,7 +175,7 @@ class BoxWriter:
             done(result)
 
         def work() -> None:
-            # What drives the robot goes first.
+            # The control path goes first.
             with contextlib.suppress(OSError):
                 nice = max(USUAL_NICE, os.getpriority(os.PRIO_PROCESS, 0))
                 os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), nice)

@@ -32,7 +32,7 @@ class BusPresence:
         changed: Callable[[], None],
     ) -> None:
         self._bus = bus
-        # Tokens may come while the bus is being closed, which knows no zid any more.
+        # Tokens may come while the bus is closing, and has no zid any more.
         self._zid = bus.zid
         self._report = report
         self._bus_lost = bus_lost

@@ -1,4 +1,4 @@
-"""What arrives as samples: commands go to the arbiter, poses are set, odd clocks reported."""
+"""Received samples: commands go to the arbiter, poses are set, wrong clocks reported."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from yahboomd.core.model import STANDSTILL, Event, Pose2d, Twist2d
 
 
 class CommandIntake:
-    """Decodes commands, offers them, and asks for one control step for the lot.
+    """Decodes commands, offers them to the arbiter, and runs one control step for all of them.
 
     Args:
         clock: For the wall time that absolute stamps are compared with.
-        holonomic: Whether a sideways velocity means anything.
+        holonomic: Whether the base can move sideways.
         notice_pause: Detects whether this process stood still; called before anything is offered.
-        step: Runs a control step; called once for what arrived together.
+        step: Runs a control step; called once for all that arrived together.
         refusal: The reason why a source begins no motion now, if there is one.
     """
 
@@ -58,8 +58,8 @@ class CommandIntake:
         """The subscription for a source's key. The key is the authority, not the payload.
 
         Args:
-            attached: rmw_zenoh's nodes send on this key: what they attach to each sample says when
-                it was sent, where the message does not.
+            attached: rmw_zenoh's nodes send on this key: their attachment has the time of sending,
+                if the message does not.
         """
         self._by_source.setdefault(source, Counter())
 
@@ -72,7 +72,7 @@ class CommandIntake:
         return take
 
     def status_values(self) -> dict[str, Any]:
-        """Counters of everything that came, why the latest refused command was, and clocks."""
+        """Counters of all samples, the reason of the latest refusal, and clocks."""
         now_ns = self._clock.now_ns()
         facts: dict[str, Any] = dict(self.counters)
         facts.update(self._arbiter.counters)
@@ -90,7 +90,7 @@ class CommandIntake:
         self._count(source, "received", 1 + arrival.dropped)
         if arrival.dropped:
             self._count(source, "overrun", arrival.dropped)
-            # What was lost unread was probably a command like the others.
+            # Samples that were lost unread were probably commands like the others.
             self._arbiter.note_motion(source, arrival.arrived_ns)
         if arrival.oversize:
             self._refuse(source, "oversize", "the payload has more bytes than a command may")
@@ -108,7 +108,7 @@ class CommandIntake:
         if self._refusal is not None and not twist.is_zero and (why := self._refusal(source)):
             self._refuse(source, "battery_empty", why, twist)
             return
-        # In this order: where this process is held up in between, a command seems no younger.
+        # In this order: if this process is held up in between, a command seems no younger.
         waited_ns = self._clock.now_ns() - arrival.arrived_ns
         verdict = self._arbiter.offer(
             source,
@@ -120,7 +120,7 @@ class CommandIntake:
             arrivals=1 + arrival.dropped,
         )
         if isinstance(verdict, Accepted):
-            # In all, the arbiter counts its own verdicts.
+            # The arbiter itself counts the total.
             self._by_source[source]["accepted"] += 1
             if self._recorder is not None:
                 self._recorder.command(source, twist)
@@ -128,7 +128,7 @@ class CommandIntake:
             self._refused(source, verdict.reason, verdict.detail, twist)
 
     def _refuse(self, source: str, reason: str, detail: str, twist: Twist2d = STANDSTILL) -> None:
-        # What cannot be read was to be a command, and the next one may be one that can.
+        # An unreadable payload was meant as a command, and the next one may be readable.
         self._arbiter.note_motion(source, self._clock.now_ns())
         self.counters[reason] += 1
         self._arbiter.note_refusal(self._clock.now_ns(), reason)
@@ -165,14 +165,14 @@ def _attached_ns(arrival: Arrival) -> int | None:
 
 
 QUIET_S = 60.0
-"""A clock that was right for so long, and is off again, is news. One that hovers is not."""
+"""A clock that was right for this time, and is off again, is reported; one that hovers is not."""
 
 
 class ClockWatch:
-    """Makes events of the warnings that hold.
+    """Publishes an event for each new warning about a clock.
 
     Args:
-        warnings: What holds at a moment, by source.
+        warnings: Returns the warnings at a moment, by source.
     """
 
     def __init__(
@@ -183,7 +183,7 @@ class ClockWatch:
         self._seen_ns: dict[str, int] = {}
 
     def report(self, now_ns: int) -> None:
-        """Publish an event for each new warning; called now and then."""
+        """Publish an event for each new warning; called periodically."""
         for source, words in self._warnings(now_ns).items():
             seen_ns = self._seen_ns.get(source)
             self._seen_ns[source] = now_ns

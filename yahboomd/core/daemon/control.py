@@ -1,8 +1,8 @@
 """The control path: from the command in control to the board's, and from counts to estimates.
 
 It runs at a fixed rate, at rest less often and with the counts, and once more at once for every
-command that arrives. Whatever forbids motion (the e-stop, a hold, a board that is not ready) is
-looked at first in every step, and ends it at once; only command silence and a hand-over may ramp.
+command that arrives. Each step first checks the reasons against motion (the e-stop, a hold, a board
+that is not ready), which end it at once; only command silence and a hand-over may ramp.
 """
 
 from __future__ import annotations
@@ -50,12 +50,12 @@ from yahboomd.core.protocol.dialect import Units
 from yahboomd.core.protocol.settings import VERSION
 
 SOONEST_NS = 2_000_000
-"""Extra control steps, for commands that arrive, are at least so far apart: more than the board
-can be sent, and a bound on what a flood of commands can cost."""
+"""The least time between extra control steps for new commands: more steps than the board
+can be sent, and a bound on the cost of a flood of commands."""
 
 IDLE_NS = 100_000_000
-"""While the wheels stand and nothing commands them, the control step has to look for what changes
-by itself no more often. A command, a stop and a wheel that turns are not waited for."""
+"""The period of the control step while the wheels stand and nothing commands them. A command, a
+stop and a wheel that turns do not wait for it."""
 
 PERSONS = (CMD_VEL_TELEOP, CMD_VEL_WEB)
 """The sources by which people drive."""
@@ -73,7 +73,7 @@ class Controller:
         arbiter: Decides which source drives.
         odometer: Makes estimates of readings.
         latch: The e-stop.
-        outputs: Receive what comes of it.
+        outputs: Receive the estimates and events.
     """
 
     def __init__(
@@ -144,7 +144,7 @@ class Controller:
     # The control step.
 
     async def run(self, on_beat: Callable[[int], None]) -> NoReturn:
-        """Step by the clock until cancelled; at rest, where no source commands, less often.
+        """Step by the clock until cancelled; less often at rest without a command.
 
         Args:
             on_beat: Called after each of these steps with the moment at which it was due.
@@ -187,7 +187,7 @@ class Controller:
         )
         if (before.why, before.driver) != (decision.why, decision.driver):
             self._outputs.changed()
-        # Silence is acted upon when it is due, not at the beat after it.
+        # React to silence when it is due, not at the beat after it.
         due_ns = self._arbiter.deadline_ns
         self._alarm.set(due_ns if due_ns is not None and due_ns > now_ns else None)
         idle = due_ns is None and wheels.stopped and not wheels.in_motion
@@ -196,12 +196,12 @@ class Controller:
             self._beats.wake()
 
     def notice_pause(self) -> None:
-        """Detect whether this process stood still; before anything is used that may have waited."""
+        """Detect a pause of this process; before anything is used that may have waited."""
         if not self._pauses.notice():
             return
         now_ns = self._clock.now_ns()
         self.counters["pauses"] += 1
-        # The board may have spoken: its counts have their time again from here on.
+        # The board may have sent counts meanwhile: their timeout starts again.
         self._seen_ns = now_ns
         if self._arbiter.current(now_ns).why != "driving":
             self._stand(now_ns, at_once=True)
@@ -218,9 +218,9 @@ class Controller:
             self._outputs.changed()
 
     def step_soon(self) -> None:
-        """A command arrived: step at once, but not more often than a command could be sent.
+        """Step at once for a new command, but no more often than a command can be sent.
 
-        Whether there was a pause was looked at before the command was.
+        The caller has looked for a pause before it used the command.
         """
         now_ns = self._clock.now_ns()
         soonest_ns = self._extra_ns + SOONEST_NS
@@ -272,7 +272,7 @@ class Controller:
         if (fault := self._wheels.stand(now_ns, at_once=at_once)) is not None:
             self._report_cut(fault)
             if fault.certain and (held := self._fault()) is not None:
-                # What it did last is more urgent than why it was cut.
+                # Report the newest symptom first, the original cause second.
                 words = f"{fault.message} It was cut because: {held.message}"
                 self._holds.add(Hold(kind=FAULT, message=words, since_ns=now_ns))
 
@@ -293,19 +293,19 @@ class Controller:
             self._report(fault)
 
     def _doubtful(self, fault: Fault, now_ns: int) -> Hold | None:
-        """The hold for what the line may have done; ``None`` where the wheel is to blame."""
+        """The hold for a possible fault of the line; ``None`` if the wheel is to blame."""
         if self._doubts.blame(now_ns, fault, damages=self._wheels.damages):
             return None
         self.counters["noisy_cuts"] += 1
         words = (
-            "The line to the board loses or alters bytes, and a wheel did not do what was sent: "
+            "The line to the board loses or alters bytes, and a wheel did not obey its command: "
             "the motors are cut for a moment. Check the USB cable, its shield and its distance "
-            f"from the motors' wires. If it goes on: {fault.message}"
+            f"from the motors' wires. If it continues: {fault.message}"
         )
         event = Event(kind="line_noisy", severity="warning", message=words, wheel=fault.motor)
         self.stop_reports.announce(partial(self._stopped, event))
         self._wheels.restart_check()
-        # A board that was reset without a word has forgotten its motors, and obeys no speed.
+        # A board that was reset unnoticed has forgotten its motors, and obeys no speed.
         self._wheels.rearm()
         return Hold(
             kind=LINE_NOISY,
@@ -323,7 +323,7 @@ class Controller:
         self.stop_reports.announce(partial(self._stopped, fault.event()))
 
     def _stopped(self, event: Event, problem: str) -> None:
-        """Report an event of which a stop is part, now that this was sent or cannot be."""
+        """Report an event with a stop, now that the stop was sent or cannot be."""
         words = f"{event.message} {problem}".rstrip()
         self.event(msgspec.structs.replace(event, message=words))
 
@@ -337,7 +337,7 @@ class Controller:
     # Callbacks of the link (link.connected_board.Listener).
 
     def connected(self, board: ConnectedBoard, identity: Identity) -> None:
-        """A board is there: may its wheels turn, and in which units are they commanded?"""
+        """Decide whether the wheels of a new board may turn, and in which units."""
         now_ns = self._clock.now_ns()
         self._arbiter.forget_commands(now_ns)
         self.imu_sensor = None
@@ -402,7 +402,7 @@ class Controller:
         )
         for fault in faults:
             self._trouble(fault, now_ns)
-        # Counts of a session that ends go on coming, and it takes no commands any more.
+        # A session that ends still delivers counts, but takes no commands any more.
         if self._wheels.attached and self._holds.drop(WAITING_FOR_BOARD):
             self._outputs.changed()
         self._outputs.estimate(estimate, self._wheels.command_m_s)
@@ -416,7 +416,7 @@ class Controller:
         self._outputs.imu(self._odometer.accept(along_base))
 
     def sent(self, units: Units | None) -> None:
-        """A command was written: from now on wheels are compared with it."""
+        """Note a written command: from now on wheels are compared with it."""
         self._wheels.sent(units, self._clock.now_ns())
 
     def battery(self, volts: float) -> None:
@@ -426,15 +426,15 @@ class Controller:
             self.event(event)
 
     def motion_refusal(self, source: str) -> str:
-        """The reason why this source begins no motion now; empty where it may."""
+        """The reason why this source begins no motion now; empty if it may."""
         return self.battery_watch.refuses(source, PERSONS)
 
     def board_reset(self, version: str) -> None:
-        """The board restarted: its motors are free, and its command is lost."""
+        """Handle a restart of the board: its motors are free, and its command is lost."""
         self._resets.announced(version)
 
     def leaving(self) -> None:
-        """The session with the board ends, and stops the wheels by itself."""
+        """Note that the session with the board ends; it stops the wheels by itself."""
         self._was_connected = self._was_connected or self._wheels.attached
         self._wheels.detach()
         # It arms the board as well, to see the wheels stand.
@@ -461,14 +461,14 @@ class Controller:
         self._holds.add(Hold(kind=WAITING_FOR_BOARD, message=words, since_ns=now_ns))
 
     def bus_lost(self) -> None:
-        """No client is connected any more: its commands are over, at once."""
+        """Discard all commands at once: no client is connected any more."""
         self._arbiter.forget_commands(self._clock.now_ns(), clients_left=True)
         if any(self._wheels.command_m_s):
             self.counters["bus_lost"] += 1
         self._limiter.halt()
         self.control_step()
 
-    # What people ask for (daemon.operator).
+    # Requests of people (daemon.requests).
 
     def stop_now(self, event: Event | None = None) -> None:
         """Send a stop before everything else that is under way.
@@ -484,7 +484,7 @@ class Controller:
     def wheels_seen(self) -> tuple[bool | None, float | None]:
         """Whether the counts show that the wheels obeyed the latest stop, and the fastest of them.
 
-        Both are None where no counts come.
+        Both are None without counts.
         """
         measured_m_s = self._wheels.measured_m_s
         if not measured_m_s or self._holds.has(WAITING_FOR_BOARD):
@@ -501,7 +501,7 @@ class Controller:
         return next((hold for hold in active if hold.kind == FAULT), None)
 
     def clear_fault(self) -> str | None:
-        """Clear a latched fault. Returns its words; ``None`` where there was none."""
+        """Clear a latched fault. Returns its words; ``None`` without one."""
         if (found := self._fault()) is None:
             return None
         self._holds.drop(FAULT)

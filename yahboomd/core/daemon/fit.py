@@ -17,7 +17,7 @@ from yahboomd.core.protocol.dialect import Motion
 from yahboomd.core.protocol.profiles import MotorProfile
 
 BLIND_S = 0.3
-"""Without counts for so long a robot stands: unseen wheels are not driven."""
+"""Without counts for this time a robot stands: unseen wheels are not driven."""
 
 
 class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
@@ -28,10 +28,10 @@ class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
         command_scale: Multiplier on command units.
         linear: Limits of vx and vy.
         angular: Limits of wz.
-        at_rest: What becomes of wheels that stand.
-        stall: What follows from a wheel that stands against its command.
-        turns_without_command: What follows from a wheel that turns by itself.
-        min_speed_m_s: Commands below it prove nothing about counts that stay away.
+        at_rest: The treatment of standing wheels.
+        stall: The reaction to a wheel that stands against its command.
+        turns_without_command: The reaction to a wheel that turns by itself.
+        min_speed_m_s: Commands below it prove nothing about missing counts.
         period_s: From one control step to the next.
         blind_s: The same as :data:`BLIND_S`, of a board that has to be asked for its counts.
         battery_low_v: Volts at rest below which a warning is published; None for never.
@@ -57,7 +57,7 @@ class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
     mounting: Mounting = Mounting(AS_THEY_ARE, AS_THEY_ARE)
 
     def cuts(self, fault: Fault) -> bool:
-        """Whether the motors are let go for this fault, until a person clears it."""
+        """Whether this fault releases the motors until a person clears it."""
         if fault.action != "policy":
             return fault.action == "cut"
         if fault.kind == "turns_without_command":
@@ -69,8 +69,8 @@ class BoardFit(msgspec.Struct, frozen=True, kw_only=True):
     """The consequences of a board's settings.
 
     Attributes:
-        motion: How the board turns the wheels; None where it must not move.
-        wrong: Why its wheels must not turn, a sentence each with the remedy; empty where they may.
+        motion: The commands of the wheels; None if they must not turn.
+        wrong: Why its wheels must not turn, a sentence each with the remedy; empty if they may.
     """
 
     motion: Motion | None

@@ -9,7 +9,7 @@ from pathlib import Path
 
 
 def prepare_folder(folder: Path) -> None:
-    """Make the folder where it is missing, and check that no other user can remove files from it.
+    """Make the folder if it is missing, and check that no other user can remove files from it.
 
     A folder with a predictable name in ``/tmp`` can be created first by any user.
 

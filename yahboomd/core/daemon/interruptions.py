@@ -18,16 +18,16 @@ from yahboomd.core.drive.limiter import Limiter
 from yahboomd.core.model import Counts, Event
 
 WAITED_NS = 100_000_000
-"""Commands that waited arrive for so long. Measured with clients of Zenoh that sent 20 to 200
-commands a second to a process stopped for 0.6 to 9 s: the last came 42 ms after it went on."""
+"""The time after a pause in which waiting commands arrive. Measured with clients of Zenoh that sent
+20 to 200 commands a second to a process stopped for 0.6 to 9 s: the last came 42 ms after it."""
 
 LATEST_WAITED_NS = 10_000_000_000
-"""Over a network a suspended machine is sent things again after up to as long as it was away; after
-10 s, the lease of Zenoh's sessions, its neighbours have given up."""
+"""Over a network a suspended machine gets retransmissions for up to the time that it was away;
+after 10 s, the lease of Zenoh's sessions, its neighbours have given up."""
 
 
 class Pauses:
-    """Detects pauses, and discards what waited for their end.
+    """Detects pauses, and discards commands and counts that waited for their end.
 
     Args:
         period_ns: How often the control path runs at least.
@@ -45,7 +45,7 @@ class Pauses:
         self._waited_ns = 0
 
     def notice(self) -> bool:
-        """Whether a pause ended just now; called before anything that may have waited is used."""
+        """Whether a pause ended just now; call it before using anything that may have waited."""
         pause = self._watch.detect()
         if pause is None:
             return False
@@ -72,7 +72,7 @@ class Pauses:
         return True
 
     def just_ended(self, now_ns: int) -> bool:
-        """Whether what arrives now may have waited for the end of a pause."""
+        """Whether data that arrives now may have waited for the end of a pause."""
         return now_ns < self._waited_ns
 
 
@@ -80,9 +80,9 @@ class Resets:
     """Handles resets of the board for the control path.
 
     Args:
-        wheels: Are let go, and commanded again.
+        wheels: Are released, and commanded again.
         limiter: Begins again from standstill.
-        holds: Where the rest after a reset is put, and the fault after too many.
+        holds: Gets the hold after a reset, and the fault after too many.
     """
 
     def __init__(
@@ -115,30 +115,30 @@ class Resets:
         paused: bool = False,
         silent_s: float = 0.0,
     ) -> None:
-        """Check for a reset: a break in the counts may be all that is seen of it.
+        """Check for a reset: a break in the counts may be its only sign.
 
         Args:
-            event: What the odometer says of them.
-            ticks: What the board counts now.
-            before: What it counted last.
+            event: The odometer's event about them.
+            ticks: The board's counters now.
+            before: The board's counters before.
             paused: This process did not run meanwhile, which explains a gap without a reset.
-            silent_s: After a reset the board is silent for so long at least: a shorter gap is none.
+            silent_s: The shortest silence after a reset: a shorter gap is none.
         """
         data = event.data or {}
         cause = data.get("cause")
-        # After a silence the odometer cannot count from zero, but zero is where they came from.
+        # After a silence the odometer cannot count from zero, although the counters did.
         fell = max(map(abs, ticks)) < max(map(abs, before))
         gap_s = data.get("gap_s")
         may_be = not paused and isinstance(gap_s, float) and gap_s >= silent_s
         gap_by_reset = cause == "gap_lost" and fell and self._wheels.in_motion and may_be
         if cause == "reset_unseen" or gap_by_reset:
             if self._wheels.noisy:
-                # Digits that were lost on their way look the same: they do not add up to a loop.
+                # Lost digits look the same: they must not add up to a loop.
                 self._watch.clear()
             self._restarted("The board reset itself without its start message")
         if cause in {"reset_unseen", "gap_lost", "rebased"}:
-            # A board that was not sent its motors' type turns no wheel; what the wheels did
-            # not do until now is no fault of theirs.
+            # A board that was not sent its motors' type turns no wheel: that they stood until now
+            # is no fault of theirs.
             self._wheels.restart_check()
             self._wheels.rearm()
 

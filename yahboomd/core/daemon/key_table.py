@@ -1,7 +1,7 @@
 """The keys of the bus: what each carries, in which direction, and with which QoS.
 
-The daemon declares what is listed here, and ``schemas/asyncapi.json`` is made of it. Zenoh delivers
-all of it over reliable links; what finds a connection full is dropped: the thread that
+The daemon declares these keys, and ``schemas/asyncapi.json`` is made of them. Zenoh delivers
+all samples over reliable links, but drops those that find a connection full: the thread that
 publishes drives the wheels.
 """
 
@@ -38,8 +38,8 @@ class Input(msgspec.Struct, frozen=True, kw_only=True):
     """A key on which yahboomd receives samples.
 
     Attributes:
-        messages: What it takes, in JSON or MessagePack.
-        ros_types: What it takes in CDR.
+        messages: The messages that it takes, in JSON or MessagePack.
+        ros_types: The types that it takes, in CDR.
     """
 
     messages: tuple[type[msgspec.Struct], ...]
@@ -51,8 +51,8 @@ class Offer(msgspec.Struct, frozen=True, kw_only=True):
     """A key on which yahboomd answers queries with a ``ServiceReply``.
 
     Attributes:
-        request: What the query carries; None where it needs no payload.
-        ros_type: The ROS 2 service that it is; empty where it is none.
+        request: The payload of the query; None if it needs none.
+        ros_type: The ROS 2 type of the service; empty if it has none.
         wildcards: Whether a query by a key expression with wildcards is answered.
     """
 
@@ -122,7 +122,7 @@ OFFERS: dict[str, Offer] = {
     keys.ODOMETRY_SET_POSE: Offer(request=SetPoseRequest, does="sets the pose"),
     keys.CONFIG: Offer(does="returns the configuration in effect", wildcards=True),
     keys.BOARD: Offer(
-        does="returns what is known of the board: firmware and settings", wildcards=True
+        does="returns the board's answers at connecting: firmware and settings", wildcards=True
     ),
     keys.BLACKBOX_SAVE: Offer(does="saves the black box, at most once a minute"),
 }

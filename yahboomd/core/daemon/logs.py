@@ -42,8 +42,8 @@ class PatientHandler(logging.Handler):
     """Hands its lines to a thread.
 
     Args:
-        stream: Where lines go. One with a descriptor is written past Python's buffer, whose lock a
-            thread that waits would keep from the interpreter's end.
+        stream: The stream of the log. One with a descriptor is written past Python's buffer, whose
+            lock a waiting thread would hold at the interpreter's end.
     """
 
     def __init__(self, stream: TextIO) -> None:
@@ -56,7 +56,7 @@ class PatientHandler(logging.Handler):
         self.broken = 0
 
     def handle(self, record: logging.LogRecord) -> bool:
-        """Take a line; never raises: what logs may be about to stop wheels.
+        """Take a line; never raises, because its caller may be about to stop wheels.
 
         A line that cannot be written as it is (its arguments do not fit its words) is counted, and
         its words are written.
@@ -202,7 +202,7 @@ class RepeatFilter(logging.Filter):
         self._kinds: OrderedDict[str, _Kind] = OrderedDict()
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Whether the line is written; one that stands for others says so."""
+        """Return whether the line is written; one that stands for others gets a note."""
         if record.levelno <= logging.DEBUG:
             return True
         message = record.getMessage()

@@ -1,6 +1,6 @@
 """The daemon's process: its signals, its service manager, its start.
 
-The default action of almost every signal ends or suspends a process where it is, and the board
+The default action of almost every signal ends or suspends a process at once, and the board
 drives on: so the wheels are stopped first. SIGKILL and SIGSTOP cannot be caught, and after a fault
 of the program (SIGSEGV, SIGABRT) no code of it can be relied on: there the service manager stops
 the wheels.
@@ -34,10 +34,10 @@ ENDING = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 """The signals that ask for an orderly end: status 0."""
 
 SUSPENDING = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)
-"""The signal with which a terminal suspends its programs."""
+"""The signals with which a terminal suspends its programs."""
 
 BACK_OFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)
-"""Waits between attempts; the last one again and again."""
+"""Waits between attempts; the last one repeats."""
 
 PATIENCE_S = 60.0
 """The time that one start waits. A process that waits for the start to end (``systemctl start``, an
@@ -55,7 +55,7 @@ def _others() -> list[int]:
 
 
 KILLING = _others()
-"""Every other signal whose default action ends the process: the wheels stop, and it does."""
+"""Every other signal whose default action ends the process: it ends after the wheels stop."""
 
 
 def deadly() -> list[int]:
@@ -101,7 +101,7 @@ class Signals:
         signal.set_wakeup_fd(signal.set_wakeup_fd(-1), warn_on_full_buffer=False)
 
     def remove(self) -> None:
-        """Handle none any more. Where the end was asked for, asking again changes nothing."""
+        """Remove the handlers. If the end was asked for, asking again changes nothing."""
         loop = asyncio.get_running_loop()
         for number in (*self._installed, *SUSPENDING):
             loop.remove_signal_handler(number)
@@ -134,8 +134,8 @@ class Signals:
         self._end(name_of(number))
 
     def _suspends(self, number: int) -> None:
-        # Until that is done a background process may write to its terminal: it would be sent the
-        # same signal again and again.
+        # Until that is done a background process may write to its terminal, which would send the
+        # same signal each time.
         for each in SUSPENDING:
             signal.signal(each, signal.SIG_IGN)
         if self.at_once:
@@ -146,12 +146,12 @@ class Signals:
 
     def _continued(self) -> None:
         if self.suspend.is_set():
-            # Faster than the wheels: the shell believes that it runs already.
+            # It continued before the wheels stood: the shell believes that it runs already.
             self.resume()
 
 
 def die_of(number: int) -> None:
-    """End this process by the default action of a signal; returns where that is blocked."""
+    """End this process by the default action of a signal; returns if that is blocked."""
     signal.signal(number, signal.SIG_DFL)
     os.kill(os.getpid(), number)
 
@@ -160,7 +160,7 @@ _AGE = re.compile(r" \(since [^)]*\)| [\d.]+ s ago")
 
 
 def without_age(words: str) -> str:
-    """The words of a status without how long ago something was."""
+    """The words of a status without the ages in them."""
     return _AGE.sub("", words)
 
 
@@ -169,7 +169,7 @@ GUARDED_NS = 2 * NS_PER_S
 
 
 class Notifier:
-    """Reports to the service manager, where there is one, and to the guard.
+    """Reports to the service manager, if there is one, and to the guard.
 
     Args:
         guard: The pipe to the guard; None without one.
@@ -196,11 +196,11 @@ class Notifier:
         self._send("READY=1")
 
     def stopping(self) -> None:
-        """The end has begun."""
+        """Report that the end has begun."""
         self._send("STOPPING=1")
 
     def status(self, words: str) -> None:
-        """Report in words what is going on; the same words again are not sent.
+        """Report the state in words; the same words are not sent again.
 
         Nor are words that differ in an age alone: each would wake the manager and its listeners,
         twice a second.
@@ -218,7 +218,7 @@ class Notifier:
         self._tell_guard(f"PORT={port_note.text_of(note)}")
 
     def standing(self) -> None:
-        """The wheels stand, and are not driven until the watchdog is fed again."""
+        """Report that the wheels stand, and are not driven until the watchdog is fed again."""
         self._tell_guard("STANDING=1")
 
     def close(self) -> None:
@@ -270,17 +270,17 @@ async def open_bus(
 ) -> bool:
     """Open the bus; under a service manager, try again until it opens.
 
-    Without a manager the first failure is raised: a person sits there and reads it. Under one, a
+    Without a manager the first failure is raised, for a person to read. Under one, a
     service that ended for it would be started again every second, for ever: another process has the
     port to listen on, the network has not given out an address yet, a folder is not mounted.
 
     Args:
         open_once: Opens it, or raises a BusError.
-        notifier: Reports to the manager in words what is waited for.
+        notifier: Reports the reason of the wait to the manager.
         stop: Set when the daemon is to end.
 
     Returns:
-        Whether it is open; it is not where ``stop`` was set meanwhile.
+        Whether it is open; it is not if ``stop`` was set meanwhile.
 
     Raises:
         BusError: It cannot be opened, or could not within :data:`PATIENCE_S`.

@@ -37,7 +37,7 @@ EVENTS_A_SECOND = 5
 
 
 class Outputs(Protocol):
-    """The receivers of what is measured and decided."""
+    """The receivers of measurements and decisions."""
 
     def estimate(self, estimate: OdometryEstimate, command_m_s: tuple[float, ...]) -> None:
         """A new reading, and the rim speeds that were commanded."""
@@ -49,7 +49,7 @@ class Outputs(Protocol):
         """The voltage of the motors' supply."""
 
     def event(self, event: Event) -> None:
-        """Something happened."""
+        """An event."""
 
     def changed(self) -> None:
         """Note that state, driver or reason may have changed."""
@@ -59,7 +59,7 @@ class Events:
     """Events on their way to the log and the bus.
 
     Args:
-        counters: Where they are counted, and those that were kept back.
+        counters: Count them, and those that were suppressed.
     """
 
     def __init__(self, clock: Clock, outputs: Outputs, counters: Counter[str]) -> None:
@@ -69,7 +69,7 @@ class Events:
         self._published: dict[str, tuple[int, int]] = {}
 
     def report(self, event: Event) -> None:
-        """Log and publish; of one kind not more than a few in a second, the rest is counted."""
+        """Log and publish an event; more than a few of one kind in a second are only counted."""
         now_ns = self._clock.now_ns()
         since_ns, count = self._published.get(event.kind, (now_ns, 0))
         if now_ns - since_ns >= nanoseconds(1.0):
@@ -114,7 +114,7 @@ class Pace:
         if self._due_ns is None or now_ns - self._due_ns > 4 * self._period_ns:
             self._due_ns = now_ns
         # Readings come on a grid of their own; one that is early by less than a quarter of a
-        # period is meant for this beat, else every second one would be left out.
+        # period counts for this beat, else every second one would be left out.
         if now_ns < self._due_ns - self._period_ns // 4:
             return False
         self._due_ns += self._period_ns
@@ -178,7 +178,7 @@ class Publisher:
         """Publish one reading's pose, twist and wheels, if it is due.
 
         Returns:
-            The stamp that it went out with; ``None`` where it was left out.
+            Its stamp; ``None`` if it was left out.
         """
         if not self._pace.due(estimate.stamp_ns):
             return None
@@ -197,7 +197,7 @@ class Publisher:
         return stamp_ns
 
     def imu(self, estimate: ImuEstimate) -> int:
-        """Publish a sample of the inertial sensor; returns the stamp that it went out with."""
+        """Publish a sample of the inertial sensor; returns its stamp."""
         stamp_ns = estimate.stamp_ns + self._stamps.follow()
         if 0 <= self._imu_ns - stamp_ns < nanoseconds(STEP_S):
             stamp_ns = self._imu_ns + 1
@@ -216,7 +216,7 @@ class Publisher:
         return stamp_ns
 
     def battery(self, volts: float) -> int:
-        """Publish the voltage; returns the stamp that it went out with."""
+        """Publish the voltage; returns its stamp."""
         stamp_ns = self._stamps.now()
         sample = BatterySample(stamp_ns=stamp_ns, volts=volts)
         self._newest[keys.BATTERY] = lambda: sample

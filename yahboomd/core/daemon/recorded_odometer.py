@@ -1,4 +1,4 @@
-"""An odometer whose inputs are recorded, as far as the bytes of the board do not show them."""
+"""An odometer that records those of its inputs that the bytes of the board do not show."""
 
 from __future__ import annotations
 

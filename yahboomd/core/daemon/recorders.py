@@ -1,6 +1,6 @@
-"""Calls what only records, publishes or shows, so that a failure of it reaches nothing else.
+"""Calls the parts that only record, publish or show, so that their failure affects nothing else.
 
-Law: whatever such a part raises is counted and logged once, and the part is switched off until the
+Law: an exception of such a part is counted and logged once, and the part is switched off until the
 daemon starts again. It reaches neither the control path nor the link nor a stop.
 """
 
@@ -17,10 +17,10 @@ Result = TypeVar("Result")
 
 
 class Recorders:
-    """Every part of the daemon that nothing depends on, by its name.
+    """The parts of the daemon that nothing depends on, by their names.
 
     Attributes:
-        failures: How many were switched off.
+        failures: The number of parts that were switched off.
     """
 
     def __init__(self) -> None:

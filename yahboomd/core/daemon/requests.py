@@ -1,4 +1,4 @@
-"""The services and the e-stop: what they do, what they answer, and how they are declared."""
+"""The services and the e-stop: their actions, their answers, and their declarations."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ from yahboomd.core.messages.native import ServiceReply
 from yahboomd.core.model import Event, Matrix3, Pose2d
 
 COPIES_NS = 1_000_000_000
-"""Copies of one request (the ROS 2 bridge may make them) come within so long, mostly at once."""
+"""Copies of one request (the ROS 2 bridge may make them) come within this time, mostly at once."""
 
 NAMED_MOST = 4
-"""So many clients are named as those that may have sent an e-stop; of more the number is given."""
+"""The most clients that are named as possible senders of an e-stop; of more the number is given."""
 
 SET_POSE_TAKES = (
     'It takes x and y in metres and theta in radians, such as {"x": 1.0, "y": 2.0, "theta": 0.5}.'
@@ -60,11 +60,11 @@ class Operator:
         self._released_ns: int | None = None
 
     def engage_estop(self, by: str, *, times: int = 1, unread: int = 0) -> str:
-        """Engage the emergency stop. Returns what was done; :meth:`acknowledged` what came of it.
+        """Engage the emergency stop; return a sentence for :meth:`acknowledged`.
 
         Args:
-            times: How often it was asked for since the last call.
-            unread: How often by something so long that it was not read.
+            times: The number of requests since the last call.
+            unread: The number of those that were too long to be read.
         """
         controller = self._controller
         news = self._latch.engage(by, self._clock.now_ns())
@@ -82,10 +82,10 @@ class Operator:
         """The answer to an e-stop, once it was sent and is on file; within half a second.
 
         Args:
-            words: What :meth:`engage_estop` returned.
+            words: The result of :meth:`engage_estop`.
 
         Returns:
-            ``success``: it was sent. What is missing is in the message.
+            ``success``: it was sent. The message lists what failed.
         """
         problem, on_file = await asyncio.gather(
             self._controller.stop_reports.sent(), self._latch.on_file()
@@ -98,10 +98,10 @@ class Operator:
         return ServiceReply(success=not problem, message=" ".join(sentences), data=data)
 
     def refuse_release(self, by: str, *, times: int = 1) -> str:
-        """Count attempts to release the e-stop where that is refused. Returns the words for them.
+        """Count refused attempts to release the e-stop; return a sentence for them.
 
         Args:
-            times: How often since the last call.
+            times: Their number since the last call.
         """
         self._controller.counters["release_refused"] += times
         words = (
@@ -123,7 +123,7 @@ class Operator:
         that request.
 
         Returns:
-            Whether the robot may move again, and what was done.
+            Whether the robot may move again, and a sentence.
         """
         controller = self._controller
         was_engaged = self._latch.engaged
@@ -154,11 +154,11 @@ class Operator:
         if fault is None:
             words = release.message if was_engaged else "Nothing to release: no e-stop, no fault."
         else:
-            # Its remedy is over; what happened is in the first sentence.
+            # Its remedy is done; the first sentence has the fault itself.
             cleared = f"Cleared the fault: {fault.partition('. ')[0].removesuffix('.')}."
             words = f"{release.message} {cleared}" if was_engaged else cleared
         if was_engaged or fault is not None:
-            # What arrived while the disk was busy with the release is over, like all before it.
+            # Commands that arrived while the disk was busy are discarded, like all before them.
             self._released_ns = self._clock.now_ns()
             self._arbiter.forget_commands(self._released_ns)
             controller.event(Event(kind="estop_released", severity="info", message=words))
@@ -179,18 +179,18 @@ class Operator:
 Facts = Callable[[], dict[str, Any]]
 Newest = Callable[[str], msgspec.Struct | None]
 Action = Callable[[BusQuery], ServiceReply]
-"""Does what is asked, and says what became of it."""
+"""Carries out a request, and returns the result."""
 Answer = Callable[[BusQuery, ServiceReply], Response]
-"""Encodes what became of a request."""
+"""Encodes the result of a request."""
 
 
 class Services:
     """Answers queries, and receives the e-stop.
 
     Args:
-        encoding: How a request without a recognisable payload is answered.
+        encoding: The encoding of answers to requests without a recognisable payload.
         newest: The newest sample of a key that is published.
-        save_box: Saves the black box, and says what came of it.
+        save_box: Saves the black box, and returns the result.
     """
 
     def __init__(
@@ -253,7 +253,7 @@ class Services:
 
         Args:
             answer: Encodes the reply; unless given, in the encoding of the request.
-            at: Where it is offered, if that is another key.
+            at: The key on which it is offered, if that is another one.
         """
         encode = answer or self._answer
         estop = key == keys.ESTOP
@@ -318,7 +318,7 @@ class Services:
         return ServiceReply(success=True, message=words)
 
     def _senders(self) -> str:
-        """The clients that may have sent what carries no name: Zenoh does not tell which one."""
+        """The possible senders of a request without a name: Zenoh does not tell which one it is."""
         near = [each.address or each.zid for each in self._neighbours()]
         match near:
             case []:
@@ -357,7 +357,7 @@ class Services:
     def _answer_board(self, _request: BusQuery) -> ServiceReply:
         data = self._board()
         known = bool(data.get("dialect"))
-        words = "What the board answered at connecting." if known else "No board is connected."
+        words = "The board's answers at connecting." if known else "No board is connected."
         return ServiceReply(success=known, message=words, data=data)
 
     def _answer(self, request: BusQuery, reply: ServiceReply) -> Response:
@@ -370,7 +370,7 @@ class Services:
 
 
 def _seen(data: Mapping[str, Any]) -> str:
-    """What the counts show of an e-stop that was sent; they follow it later than the answer."""
+    """The sentence on the counts after an e-stop; they follow it later than the answer."""
     if not data["sent"]:
         return ""
     if data["stands"] is None:

@@ -73,19 +73,19 @@ class Daemon:
         self._callback_failed = asyncio.Event()
         self._took_over = False
         self.left_clean = True
-        """Whether the bus could be closed; where not, only ``os._exit`` ends the process."""
+        """Whether the bus could be closed; if not, only ``os._exit`` ends the process."""
         self.left_standing = True
         """Whether the wheels were seen to stand in the end, as far as this daemon moved them."""
 
     def stop(self, why: str) -> None:
-        """Ask the daemon to end; the wheels are stopped first. Asked again, it changes nothing."""
+        """Ask the daemon to end; the wheels are stopped first. Further calls change nothing."""
         if not self._stop.is_set():
             log.info("%s: stopping the wheels, then ending.", why)
             self._stop.set()
 
     @property
     def fatal_signal(self) -> int | None:
-        """The signal that ended it, where that asks for more than an orderly end."""
+        """The signal that ended it, if that asks for more than an orderly end."""
         return self._signals.fatal
 
     async def run(self) -> None:
@@ -119,7 +119,7 @@ class Daemon:
             raise
 
     async def _take_over(self) -> bool:
-        """Stop what an earlier daemon left turning: a session, which would, waits for the bus.
+        """Stop wheels that an earlier daemon left turning: a session waits for the bus.
 
         Returns:
             Whether a stop was sent: a port that is not there yet is tried again.
@@ -139,9 +139,9 @@ class Daemon:
         return True
 
     def _uncaught(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-        """An error in a callback, which has no task to fail: the daemon ends as if it had one."""
+        """End the daemon after an error in a callback, which has no task to fail."""
         loop.default_exception_handler(context)
-        # What a transport reports its owner hears, too; a result without a reader moves nothing.
+        # Transport errors also reach their owner; a result without a reader moves nothing.
         if not context.keys() & {"transport", "future", "task"}:
             self._callback_failed.set()
 
@@ -233,7 +233,7 @@ class Daemon:
             fault = group
             raise
         finally:
-            # Of one that was switched off, too: a ring that is left is one of a killed daemon.
+            # Even if it was switched off: a ring that is left counts as one of a killed daemon.
             recorders.call("The end of the black box", box.close, fault)
             local.close()
             controller.close()
@@ -264,9 +264,9 @@ class Daemon:
                     [asked, suspend, board, *others], return_when=asyncio.FIRST_COMPLETED
                 )
                 if not done <= {asked, suspend}:
-                    # A task group goes on without a task that was cancelled alone. Not this one.
+                    # A task group continues if one task alone is cancelled. This one must not.
                     raise RuntimeError(f"the task {done.pop().get_name()} ended by itself")
-                # The session's end stops the wheels and looks whether they stand; meanwhile counts
+                # The session's end stops the wheels and checks that they stand; meanwhile counts
                 # still become poses, and the watchdog is fed.
                 board.cancel()
                 await asyncio.wait([board])
@@ -371,7 +371,7 @@ class Daemon:
         self._controller.event(event)
 
     def changed(self) -> None:
-        """Publish the status now rather than at its next turn."""
+        """Publish the status now rather than at its next time."""
         self._status_due.set()
 
     # The bus.

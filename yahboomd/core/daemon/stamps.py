@@ -8,15 +8,15 @@ from yahboomd.core.clock import Clock, nanoseconds, seconds
 from yahboomd.core.model import Event
 
 STEP_S = 1.0
-"""A wall clock that is off by more was set. What disciplines a clock slews it by less, and steps it
-by more (chrony: 1 s, by default)."""
+"""A wall clock that is off by more was set: time daemons slew a smaller difference, and step a
+larger one (chrony: 1 s, by default)."""
 
 SLEW = 10
 """A smaller difference is followed at a tenth of the pace: stamps stay in order and well apart."""
 
 
 class WallStamps:
-    """Turns monotonic nanoseconds into Unix ones that run backwards only where the clock was set.
+    """Turns monotonic nanoseconds into Unix ones that run backwards only if the clock was set.
 
     The wall clock may be set while the robot drives (a Raspberry Pi has none of its own and learns
     the time when the network comes). Forward it is followed at once. Backward it is followed
@@ -25,7 +25,7 @@ class WallStamps:
 
     The two clocks cannot be read at once. A process that is held up between them would take the
     delay for a step of the wall clock; so the monotonic one is read before and after, and the
-    difference of before stays in force unless it lies outside of what these three readings allow.
+    earlier difference stays in force unless these three readings exclude it.
 
     Attributes:
         held_back: Stamps that came 1 ns after the one before, to stay in order.
@@ -84,8 +84,8 @@ def _event(step_ns: int) -> Event:
     words = f"This machine's clock was set {where} by {abs(by_s):.1f} s, and stamps follow it."
     if step_ns < 0:
         words += (
-            " They ran backwards once: restart programs that drop what is older than their newest "
-            "sample, such as listeners of tf2 that started before."
+            " They ran backwards once: restart programs that drop samples older than their newest "
+            "one, such as listeners of tf2 that started before."
         )
     return Event(
         kind="clock_stepped",

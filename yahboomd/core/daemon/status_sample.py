@@ -23,7 +23,7 @@ class _Moment:
     """The Unix time of a moment on the clock that is never set.
 
     It stays while the moment does: the difference of two clocks that are read one by one jitters,
-    and the wall clock is slewed. Where it was set the moment follows it.
+    and the wall clock is slewed. If the wall clock was set the moment follows it.
     """
 
     def __init__(self) -> None:
@@ -43,7 +43,7 @@ class Status:
 
     Args:
         bus: The routers and clients that the daemon is connected to.
-        more_bus_facts: What the bus itself does not know.
+        more_bus_facts: Returns facts that the bus itself does not have.
     """
 
     def __init__(

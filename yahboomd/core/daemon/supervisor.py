@@ -5,7 +5,8 @@ once, and counted while it repeats.
 
 With ``board.write_settings`` the profile is stored on the board before each session, as ``yahboomd
 probe --write`` does it: the wheels at rest, value by value, each read back. A board that has the
-profile already is written nothing.
+probe --write`` does it: the wheels at rest, value by value, each read back. Nothing is written to a
+board that has the profile already.
 """
 
 from __future__ import annotations
@@ -40,9 +41,9 @@ def storing_opener(
     publish: Callable[[Event], None],
     tap: Tap = NO_TAP,
 ) -> Opener:
-    """An opener that sees to the board's settings first.
+    """An opener that stores the board's settings first.
 
-    A value that cannot be stored ends the storing, not the session: that looks for itself whether
+    A value that cannot be stored ends the storing, not the session, which checks itself whether
     the wheels may turn.
 
     Args:
@@ -68,7 +69,7 @@ class _Reported(Progress):
             words = f"Stored {what} in the board's flash (board.write_settings)."
             event = Event(kind="setting_stored", severity="info", message=words)
         else:
-            said = f", which said {step.answer!r}" if step.answer else ""
+            said = f", which answered {step.answer!r}" if step.answer else ""
             words = f"The board does not store {what}{said}. Try `yahboomd probe --write`."
             event = Event(kind="setting_not_stored", severity="error", message=words)
         self._publish(event)
@@ -81,12 +82,12 @@ BACK_OFF_S = (0.1, 0.2, 0.4, 0.8)
 board is plugged in are stopped within a second of it, on a busy computer too."""
 
 UNSEEN_S = 0.5
-"""After a session that lasted so long and left wheels that were not seen to stand, the port is
+"""After a session of at least this time that left wheels not seen to stand, the port is
 opened again without a wait: while it is closed no stop waits for an output that is held up, nor for
 a board that is silent. It bounds the attempts to two a second."""
 
 STEADY_S = 5.0
-"""A session that lasted so long was a good one: the next fault starts from the shortest wait."""
+"""A session of this time was a good one: the next fault starts from the shortest wait."""
 
 
 class Supervisor:
@@ -124,7 +125,7 @@ class Supervisor:
                 self._unavailable(error)
                 self._log_failure(error, was_connected=session.board is not None)
                 if (task := asyncio.current_task()) is not None and task.cancelling():
-                    # A task group that fails while it is cancelled tells of the failure alone.
+                    # A task group that fails while it is cancelled reports only the failure.
                     raise asyncio.CancelledError from error
             finally:
                 self._keep(session)

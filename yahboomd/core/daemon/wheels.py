@@ -1,8 +1,8 @@
 """Commands to the board: speeds, standstill and its proof, and the cut.
 
 It decides nothing about who may drive. It makes sure that a stop is obeyed: sent before everything
-else where it must not wait, repeated until the counters show it, and ended by letting the motors
-go where they do not obey.
+else if it must not wait, repeated until the counters show it, and ended by letting the motors go if
+they do not obey.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ from yahboomd.core.model import Kinematics, Motor
 from yahboomd.core.protocol.dialect import Units
 
 STOP_REPEAT_S = 0.1
-"""The frames of an immediate stop that precede everything else until the counters obey."""
+"""The period of the frames of an immediate stop, which go first until the counters obey."""
 
 WAITED_NS = 100_000_000
-"""After a pause of this process counts that waited come for so long."""
+"""The time after a pause of this process in which counts arrive that waited."""
 
 LATE_NS = 60_000_000
-"""A reading that took so long was held up on its way, and so, perhaps, was what was sent."""
+"""A reading that took this long was held up on its way, and so, perhaps, was the command."""
 
 SAID_AGAIN_NS = 150_000_000
 """Frames that were held up arrive together, and the board keeps one of them: the others are sent
-again within so long."""
+again within this time."""
 
 STOP_HELD_UP_NS = 600_000_000
-"""A stop that was held up has its time from then on."""
+"""A stop that was held up has this time from then on."""
 
 JUDGED_NS = 15_000_000
-"""Wheels are judged no more often, by what they counted since: a board that streams reports more
+"""Wheels are judged no more often, by their counts since: a board that streams reports more
 often than a wheel can show anything new."""
 
 
@@ -74,10 +74,10 @@ class WheelLink(Protocol):
         """The chunks that the line damaged lately, counted."""
 
     def rearm(self) -> None:
-        """Send it again what it loses at a reset."""
+        """Send it again the frames whose effect a reset loses."""
 
     def drop_input(self) -> None:
-        """Drop what it sent and was not read yet."""
+        """Drop the bytes that it sent and that were not read yet."""
 
 
 class Wheels:
@@ -85,8 +85,8 @@ class Wheels:
 
     Args:
         motors: The motors, in the order of its wheels.
-        at_rest: What becomes of wheels that stand.
-        min_speed_m_s: Commands below it prove nothing about counts that stay away.
+        at_rest: The treatment of standing wheels.
+        min_speed_m_s: Commands below it prove nothing about missing counts.
     """
 
     def __init__(
@@ -125,7 +125,7 @@ class Wheels:
     # The board comes and goes.
 
     def attach(self, board: WheelLink, fit: BoardFit) -> None:
-        """A board is there; it was stopped while it was connected."""
+        """Take a board; it was stopped while it was connected."""
         self._board = board
         self.fit = fit
         self._released = False
@@ -134,14 +134,14 @@ class Wheels:
         self._check.reset()
 
     def detach(self) -> None:
-        """Note that there is no board any more; what the wheels do is unknown."""
+        """Note that there is no board any more; the motion of the wheels is unknown."""
         self._board = None
         self.command_m_s = self.zeros
         self.measured_m_s = None
         self._stop_watch.cancel()
 
     def rearm(self) -> None:
-        """The board may have been reset unnoticed: send it again what it lost."""
+        """Send the board its set-up again: it may have been reset unnoticed."""
         if self._board is not None:
             self._board.rearm()
 
@@ -166,14 +166,14 @@ class Wheels:
         self._say(speeds)
 
     def stand(self, now_ns: int, *, at_once: bool) -> Fault | None:
-        """Stand, and see that it is obeyed; called in every step while the wheels are to stand.
+        """Stop the wheels, and check that they obey; called in every step while they are to stand.
 
         Args:
             at_once: Send it before everything that waits, and again until it is obeyed.
 
         Returns:
             The fault of a stop that is not obeyed, once. The motors are cut with it, and also,
-            without a fault, where the wheels slow down and need longer than a stop may take.
+            without a fault, if the wheels slow down and need longer than a stop may take.
         """
         moved = any(self.command_m_s)
         board = self._board
@@ -207,8 +207,8 @@ class Wheels:
                 self._counters["slow_stops"] += 1
                 self._rest.let_go(max(map(abs, self.measured_m_s or (0.0,))))
         elif not self._released:
-            # Of a wheel that never counted for its commands the counters prove no standstill, and
-            # the board's speed loop would keep it as fast as it is.
+            # If a wheel never counted for its commands, its counter cannot prove that it stands,
+            # and the board's speed loop would keep it as fast as it is.
             owing, stood = self._check.owing, self._rest.lets_go and board.cuts
             if watch.state == "stopped" and (owing or stood):
                 self.release(now_ns)
@@ -244,29 +244,29 @@ class Wheels:
         self.release(now_ns)
 
     def sent(self, units: Units | None, now_ns: int) -> None:
-        """Compare the wheels with what was written to the port, and with nothing else.
+        """Compare the wheels only with the motion that was written to the port.
 
         Args:
             units: The motion, as the board takes it; ``None``: let go.
         """
         said, speeds_m_s = self._said
-        # What was not sent last is a stop, which goes before it.
+        # Any other frame is a stop: stops overtake velocities.
         if units is not None and units != said:
             speeds_m_s = self.zeros
         self._check.command(now_ns, None if units is None else speeds_m_s)
 
     def restart_check(self) -> None:
-        """Judge the wheels by later readings alone: earlier ones prove nothing about what comes."""
+        """Judge the wheels by later readings alone: earlier ones prove nothing any more."""
         self._check.reset()
 
     def paused(self, now_ns: int) -> None:
-        """Note that this process did not run: what arrives now is old, and proves nothing.
+        """Note a pause of this process: data that arrives now is old, and proves nothing.
 
         A stop that is under way is sent again, and has its time again.
         """
         self.restart_check()
         if self._board is not None:
-            # The kernel keeps the oldest lines. What was counted is in the newest one as well.
+            # The kernel keeps the oldest lines; the newest one contains their counts.
             self._board.drop_input()
         self._waited_ns = now_ns + WAITED_NS
         self._stop_watch.restart(now_ns)
@@ -285,9 +285,9 @@ class Wheels:
 
         Args:
             ticks: Travelled counts of each motor since the start.
-            received_ns: When they arrived, where that is known besides the stamp.
-            earliest_ns: The board sampled them no earlier, where the stamp is only the likeliest
-                moment between.
+            received_ns: When they arrived, if that is known besides the stamp.
+            earliest_ns: The earliest time at which the board sampled them, if the stamp is only the
+                likeliest moment between.
         """
         self.measured_m_s = speeds_m_s
         before = self._ticks or ticks
@@ -300,7 +300,7 @@ class Wheels:
             self._ticks = ticks
             return ()
         asked_ns = stamp_ns if earliest_ns is None else earliest_ns
-        # Where answers are lost one seems late as well; there a speed is repeated every 25 ms.
+        # If answers are lost one seems late as well; then a speed is repeated every 25 ms.
         if received_ns is not None and received_ns - asked_ns > LATE_NS and not self.noisy:
             self._held_up_ns = received_ns + SAID_AGAIN_NS
         self._stop_watch.measure(stamp_ns, speeds_m_s)

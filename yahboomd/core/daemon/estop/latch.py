@@ -24,17 +24,17 @@ log = logging.getLogger(__name__)
 
 LOAD_WITHIN_S = 2.0
 RELEASE_WITHIN_S = 0.5
-"""The loop waits so long, and once, for the file's removal: the robot stands meanwhile, and a disk
-that takes longer hangs."""
+"""The loop waits this long, once, for the file's removal: the robot stands meanwhile, and a slower
+disk hangs."""
 
 RETRY_S = 1.0
 RESTORE_EVERY_S = 5.0
-"""From one look whether an engaged latch is on file to the next. A runtime folder goes with the
-last session of its user, and what is old in /tmp is removed."""
+"""The period of the check that an engaged latch is on file. A runtime folder goes with the
+last session of its user, and old files in /tmp are removed."""
 
 
 class LatchKeeper:
-    """Keeps the file as the latch is.
+    """Keeps the file in the state of the latch.
 
     Attributes:
         failures: How often the file could not be written or removed.
@@ -52,7 +52,7 @@ class LatchKeeper:
         self._awaiting: list[Callable[[], object]] = []
 
     def load(self) -> str | None:
-        """The origin of the latch that is on file; ``None`` where it is not engaged.
+        """The origin of the latch that is on file; ``None`` if it is not engaged.
 
         A file that cannot be read in time counts as engaged.
         """
@@ -72,12 +72,12 @@ class LatchKeeper:
         return "unknown (its file could not be read in time)"
 
     def engage(self, by: str) -> None:
-        """Have it put on file; returns at once. Each press looks whether the file is there."""
+        """Have it put on file; returns at once. Each press checks that the file is there."""
         with self._state:
             self._ask(by)
 
     def release(self) -> bool:
-        """Remove the file; whether it is gone. Where it is not, the caller engages again."""
+        """Remove the file; return whether it is gone. If it is not, the caller engages again."""
         with self._state:
             if self._hangs:
                 return False
@@ -98,7 +98,7 @@ class LatchKeeper:
         return self._done >= wish
 
     def settled(self, within_s: float) -> bool:
-        """Wait until the latest request is carried out; whether it is."""
+        """Wait until the latest request is carried out; return whether it is."""
         with self._state:
             wish = self._wish
             return self._state.wait_for(lambda: self.has_done(wish), within_s)
@@ -118,7 +118,7 @@ class LatchKeeper:
                 call()
 
     def restore_file(self) -> None:
-        """Have the file of an engaged latch written again where it was removed; returns at once."""
+        """Have the file of an engaged latch written again if it was removed; returns at once."""
         with self._state:
             if self._by is not None and not self._working:
                 self._restoring = True
@@ -134,7 +134,7 @@ class LatchKeeper:
 
     def _start(self) -> None:
         if not self._working:
-            # Where no thread can be started now, the next call has one.
+            # If no thread can be started now, the next call has one.
             with contextlib.suppress(RuntimeError):
                 threading.Thread(target=self._work, name="latch-file", daemon=True).start()
                 self._working = True
@@ -192,14 +192,14 @@ class LatchKeeper:
 log = logging.getLogger(__name__)
 
 SETTLE_S = 0.5
-"""An acknowledgement, and the end of the daemon, wait so long for the file."""
+"""The longest that an acknowledgement, and the end of the daemon, wait for the file."""
 
 
 class EstopLatch:
     """Engages, remembers, releases.
 
     Args:
-        now_ns: Now; what is on file counts as engaged since then.
+        now_ns: Now; a latch on file counts as engaged since then.
         release: The command of a terminal that releases it.
     """
 
@@ -237,12 +237,12 @@ class EstopLatch:
         return structs.replace(latched, reason=words)
 
     def status_values(self) -> dict[str, int]:
-        """For the status: whether an engaged latch is missing on file, and failures so far."""
+        """For the status: whether an engaged latch is missing on file, and all failures."""
         missing = self.engaged and not self._keeper.on_file
         return {"estop_not_on_file": int(missing), "estop_file_failures": self._keeper.failures}
 
     def engage(self, by: str, now_ns: int) -> bool:
-        """Engage; whether it was released before. The caller stops the wheels, not the disk."""
+        """Engage; return whether it was released before. This does not wait for the disk."""
         return self._stop.engage("somebody asked for it", by, now_ns)
 
     def remember(self) -> None:
@@ -257,7 +257,7 @@ class EstopLatch:
             self._keeper.restore_file()
 
     def settle(self) -> bool:
-        """Wait for the file, for half a second at most; whether it is as the latch is. Blocks."""
+        """Wait half a second at most for the file; return whether it is as the latch. Blocks."""
         return self._keeper.settled(SETTLE_S)
 
     async def on_file(self) -> bool:
@@ -267,7 +267,7 @@ class EstopLatch:
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(SETTLE_S):
                 while not keeper.has_done(wish):
-                    # However many ask while the disk hangs, the thread that writes calls one.
+                    # While the disk hangs, the thread that writes calls one event for all.
                     tried = self._tried
                     if tried is None or tried.is_set():
                         tried = self._tried = asyncio.Event()

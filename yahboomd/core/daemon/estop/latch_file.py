@@ -1,6 +1,6 @@
 """The e-stop's memory: a file that is there while the latch is engaged, and survives a restart.
 
-The file's presence is what counts: whatever lies under its name, and whatever is in it, counts as
+Only the file's presence counts: anything with its name, whatever is in it, counts as
 engaged. So a disk that has room for a name and not for its content is enough.
 """
 
@@ -29,8 +29,8 @@ class LatchFile:
     """Remembers an engaged e-stop. Every call may block for as long as the disk does.
 
     Args:
-        path: Where it lies; its folder is made when needed.
-        port: The serial port in the configuration, empty where it is looked for. Files beside
+        path: Its path; its folder is made when needed.
+        port: The serial port in the configuration, empty if it is looked for. Files beside
             this one that may belong to the same board count too: see :meth:`_files`. None: the
             file stands alone.
     """
@@ -43,7 +43,7 @@ class LatchFile:
         return str(self._path)
 
     def load(self) -> str | None:
-        """The origin of the latch that is on file; ``None`` where it is not engaged."""
+        """The origin of the latch that is on file; ``None`` if it is not engaged."""
         folder = self._path.parent
         try:
             check_folder(folder)
@@ -94,7 +94,7 @@ class LatchFile:
         """This file, and those beside it that may be the same board's under another name.
 
         A daemon that looks for its port may find any board on USB, and a port has several names.
-        Raises FileNotFoundError where there is no folder.
+        Raises FileNotFoundError without a folder.
         """
         if self._port is None:
             return [self._path]
@@ -117,7 +117,7 @@ def engaged_in(folder: Path, port: str) -> Path | None:
     """The file of an engaged e-stop in a runtime folder, of any daemon that may have this port.
 
     Args:
-        folder: Of daemons.
+        folder: The runtime folder.
 
     Raises:
         OSError: The folder cannot be read.
@@ -144,7 +144,7 @@ def _simulated(port: str) -> bool:
 
 
 def _author(path: Path) -> str:
-    """The origin of the latch; in words where the file names none."""
+    """The origin of the latch; in words if the file names none."""
     try:
         # A FIFO must not hold up the start, and a link may lead anywhere.
         fd = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
@@ -166,7 +166,7 @@ def _author(path: Path) -> str:
 
 def _sync(fd: int) -> None:
     try:
-        # Some file systems know no fsync of a folder; what was written stays written.
+        # Some file systems know no fsync of a folder; the written data stays.
         with contextlib.suppress(OSError):
             os.fsync(fd)
     finally:

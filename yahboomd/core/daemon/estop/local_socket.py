@@ -30,7 +30,7 @@ class Peer(NamedTuple):
     """The process at the other end, as the kernel names it.
 
     Attributes:
-        pid: Its id; 0 where it lives in another PID namespace.
+        pid: Its id; 0 if it is in another PID namespace.
         groups: All groups of its user.
     """
 
@@ -44,7 +44,7 @@ class Listening(NamedTuple):
 
     Attributes:
         sock: The socket, not blocking.
-        inode: Of the file that was made.
+        inode: The inode of its file.
         group: Its group; members may use it.
     """
 
@@ -77,9 +77,9 @@ class Listening(NamedTuple):
 
 
 def listen(folder: Path, name: str) -> Listening:
-    """Listen on ``name.sock`` in a folder, or on ``name-PID.sock`` where another daemon has that.
+    """Listen on ``name.sock`` in a folder, or on ``name-PID.sock`` if another daemon has that.
 
-    What a killed daemon left behind is replaced. Blocks for as long as the disk does.
+    A socket that a killed daemon left behind is replaced. Blocks for as long as the disk does.
 
     Raises:
         OSError: The folder cannot be used, or no name is free.
@@ -137,7 +137,7 @@ def _bound(fd: int, path: Path) -> Listening:
 
 
 def _lives(fd: int, path: Path) -> bool:
-    """Whether a process listens there; what may not be asked counts as one that does."""
+    """Whether a process listens there; a socket that may not be asked counts as one that does."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK) as probe:
         try:
             probe.connect(_address(fd, path))

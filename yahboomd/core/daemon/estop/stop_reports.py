@@ -1,4 +1,4 @@
-"""Whatever reports a stop waits until the stop has left this machine, or cannot.
+"""Reports of a stop wait until the stop has left this machine, or cannot.
 
 A stop may wait for the distance between two frames, 20 ms at most, and on a port that takes no
 output for as long as that lasts. A process that is killed meanwhile sends nothing any more, so
@@ -31,8 +31,8 @@ class StopReports:
     """Reports that wait for a stop.
 
     Args:
-        outcome: Empty once the latest stop has left this machine; why it cannot be sent, as a
-            sentence goes on after "because"; None while it may be sent yet.
+        outcome: Empty once the latest stop has left this machine; the reason why it cannot be
+            sent, as a clause after "because"; None while it may still be sent.
     """
 
     def __init__(self, clock: Clock, outcome: Callable[[], str | None]) -> None:
@@ -47,7 +47,7 @@ class StopReports:
         return any(report.news for report in self._reports)
 
     def announce(self, tell: Callable[[str], None], *, news: bool = True) -> None:
-        """Call ``tell`` when the stop was sent, or cannot be; where that is known now, at once.
+        """Call ``tell`` when the stop was sent, or cannot be; at once if that is known now.
 
         Args:
             tell: Takes a sentence on why the stop was not sent; empty if it was.
@@ -58,7 +58,7 @@ class StopReports:
         self._settle()
 
     async def sent(self) -> str:
-        """Wait until the stop was sent: empty. Else a sentence on why it was not."""
+        """Wait for the stop; return an empty text if it was sent, else a sentence on the reason."""
         outcome: asyncio.Future[str] = asyncio.get_running_loop().create_future()
 
         def tell(problem: str) -> None:
@@ -69,7 +69,7 @@ class StopReports:
         return await outcome
 
     def close(self) -> None:
-        """Tell all that wait what is known now, and release the timer."""
+        """Settle all reports with the present outcome, and release the timer."""
         self._settle(ends=True)
         self._alarm.close()
 

@@ -25,7 +25,7 @@ _LINE_TROUBLE = ("discarded_bytes", "broken_frames", "bad_bytes", "overlong")
 
 
 class Diagnostics:
-    """Makes the entries; it remembers the counters, because only what is new is worth a warning.
+    """Makes the entries; it keeps the last counters, because only new faults are worth a warning.
 
     Args:
         hardware_id: Distinguishes this robot from others: its namespace.
@@ -113,7 +113,7 @@ def _commands(sample: StatusSample, type_warnings: Mapping[str, str]) -> tuple[i
 
 def _values(facts: Group, group: str = "") -> Iterator[tuple[str, str]]:
     for name, value in facts.items():
-        # What a group holds goes by the names of sources and the like, not of fields.
+        # The entries of a group have names of sources and the like, not of fields.
         key = f"{group}: {name}" if group else _words(name)
         if isinstance(value, Mapping):
             yield from _values(value, key)

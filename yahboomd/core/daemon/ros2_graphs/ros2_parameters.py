@@ -1,4 +1,4 @@
-"""The configuration as the parameters of a ROS 2 node: read-only, without what is secret."""
+"""The configuration as the parameters of a ROS 2 node: read-only, without secrets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The ROS 2 plane: which ways it takes, what it publishes, subscribes to and answers."""
+"""The ROS 2 plane: its ways, its topics, its subscriptions and its services."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ commands of any writer, reliable or not."""
 REPEATED = Qos(reliable=False, depth=10)
 """Of the e-stop and of poses: a person publishes them several times, from a process that ends soon.
 
-To a reliable reader a fresh writer of FastDDS sends nothing before their handshake is complete,
-which takes a second, and a writer that ends before that was never heard. Not latched: a press of
-yesterday must not stop the robot again whenever the bridge restarts."""
+A reliable reader gets nothing from a fresh writer of FastDDS before their handshake is complete,
+which takes a second, and a writer that ends before that is never heard. Not latched: a press of
+yesterday must not stop the robot again when the bridge restarts."""
 
 SERVICES = {key: offer.ros_type for key, offer in OFFERS.items() if offer.ros_type}
 """The services whose requests ROS 2 has types for."""
@@ -54,7 +54,7 @@ def start(
 
     Args:
         bus: An open session, on which the services and the plain command keys are there already.
-        commands: What to hand a source's commands to that arrive natively.
+        commands: Returns the handler of a source's commands that arrive natively.
         poses: Takes messages that set the pose and arrive natively.
 
     Returns:

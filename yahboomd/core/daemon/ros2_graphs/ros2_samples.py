@@ -66,7 +66,7 @@ class Spread:
     """One sample to several outlets.
 
     Args:
-        forgetful: Those of them that may lose what is latched when a program restarts.
+        forgetful: Those of them that may lose latched samples when a program restarts.
     """
 
     def __init__(
@@ -88,7 +88,7 @@ class Spread:
                 outlet.put(payload)
 
     def repeat(self, payload: bytes) -> None:
-        """Send a latched sample again where it may be lost."""
+        """Send a latched sample again to the outlets that may lose it."""
         for outlet in self._forgetful:
             outlet.put(payload)
 
@@ -101,7 +101,7 @@ class OpenTopic(Protocol):
 
 
 class RosPublisher:
-    """The ROS 2 plane. All that it publishes of one reading carries the stamp it is given.
+    """The ROS 2 plane. All samples of one reading have its stamp.
 
     Args:
         type_warnings: Which sources of commands publish another type, at a monotonic time.
@@ -186,7 +186,7 @@ class RosPublisher:
             self._battery.put(self._encode_battery(stamp_ns, volts, charge))
 
     def event(self, event: Event, stamp_ns: int) -> None:
-        """Publish something that happened, as a line of the node's log."""
+        """Publish an event as a line of the node's log."""
         if self._rosout.has_subscribers:
             level = LEVELS[event.severity]
             self._rosout.put(log(stamp_ns, level, NODE, event.message, event.kind))

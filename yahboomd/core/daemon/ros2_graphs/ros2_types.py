@@ -1,4 +1,4 @@
-"""Nodes that publish another type than a command's topic has: ROS 2 drops that in silence.
+"""Nodes that publish another type than a command's topic has: ROS 2 drops that silently.
 
 Natively their tokens show them. Behind the bridge its admin space does: it lists all DDS writers,
 also those whose messages it cannot deliver.
@@ -20,7 +20,7 @@ from yahboomd.core.messages import ros2
 log = logging.getLogger(__name__)
 
 ASK_EVERY_S = 5.0
-"""From one question to the bridges to the next."""
+"""The period of the questions to the bridges."""
 
 
 class _Writer(msgspec.Struct):
@@ -70,7 +70,7 @@ class TypeWatch:
         self._bus.watch_tokens(f"/{pattern}", changed)
 
     def warnings(self, now_ns: int) -> dict[str, str]:
-        """The faults by source. Call it again and again: it asks the bridges, too."""
+        """The faults by source. Call it repeatedly: it also asks the bridges."""
         if self._pace.due(now_ns) and self._bus.neighbours:
             for survey in self._surveys:
                 survey.ask()

@@ -1,7 +1,7 @@
 """Two ways into ROS 2's graphs: what each publishes on, subscribes to, answers and announces.
 
 `BridgeWay` goes through zenoh-bridge-ros2dds: CDR on plain keys, and tokens that announce the
-types. Data flow without tokens too; with them the topics show, and can be matched, before any ROS
+types. Data flows without tokens too; with them the topics show, and can be matched, before any ROS
 node uses them.
 
 `NativeWay` is a node among those of rmw_zenoh. Its keys carry domain, type and hash, so all of them
@@ -76,11 +76,11 @@ class BridgeWay:
 SERVICE_QOS = Qos(depth=10)
 
 PARAMETERS_MAX_BYTES = 8192
-"""Of a request for parameters: a client may ask for all of them by their names, which are 2 kB. An
-answer to so many takes 10 ms, half a control period."""
+"""The limit of a request for parameters: a client may ask for all of them by their names, which are
+2 kB. An answer to that takes 10 ms, half a control period."""
 
 _NO_CLIENT = ros2.Attachment(sequence=1, stamp_ns=0, gid=bytes(ros2.GID_BYTES))
-"""Stands in where a request has no attachment: its sender is no client of rmw_zenoh's."""
+"""Used if a request has no attachment: its sender is no client of rmw_zenoh's."""
 
 
 class TakesAttachments(Protocol):
@@ -88,7 +88,7 @@ class TakesAttachments(Protocol):
 
     @property
     def has_subscribers(self) -> bool:
-        """Whether any client would receive what is published."""
+        """Whether any client would receive the samples."""
 
     def put(self, payload: bytes, attachment: bytes | None = None) -> bool:
         """Send one."""
@@ -160,8 +160,8 @@ class NativeWay:
 
         Args:
             topic: Its name below the namespace.
-            also: A type that is heard besides, without being announced: a topic whose types do
-                not agree confuses ROS's tools, but a robot that ignores half of them its users.
+            also: A second type that is accepted without being announced: different types on a topic
+                confuse ROS's tools, and a robot that ignores one of them its users.
         """
         self._announce("MS", topic, ros_type, qos)
         for heard in filter(None, (ros_type, also)):
@@ -172,7 +172,7 @@ class NativeWay:
 
         Args:
             topic: Its name below the namespace.
-            hear: Hears it on the key given.
+            hear: Subscribes on the key given.
         """
         hear(self._key(topic, ros_type))
         self._announce("MS", topic, ros_type, qos)
