@@ -1,4 +1,4 @@
-"""A board that is known and armed: what it is commanded, and what comes of it."""
+"""A board that is known and armed: its commands, and its answers."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ STILL: Units = (0, 0, 0, 0)
 
 BATTERY_ANSWER_S = 0.3
 BATTERY_SELDOM_S = 120.0
-"""A board that does not answer is asked at least so often."""
+"""A board that does not answer is asked at least this often."""
 BATTERY_UNANSWERED = 3
-"""After so many questions in a row without an answer a person should know."""
+"""After this many questions in a row without an answer, a person should know."""
 
 
 class Listener(Protocol):
@@ -30,10 +30,10 @@ class Listener(Protocol):
         """The board is known and armed; counts follow."""
 
     def armed(self) -> None:
-        """The board was asked to stream its counts; until then a reset may go unnoticed."""
+        """The board was asked to stream its counts; a reset before it may go unnoticed."""
 
     def reading(self, reading: EncoderReading) -> None:
-        """Units arrived."""
+        """Counts arrived."""
 
     def imu(self, reading: ImuReading) -> None:
         """The inertial sensor was read."""
@@ -55,7 +55,7 @@ class Listener(Protocol):
 
 
 class ConnectedBoard:
-    """Commands to the wheels, each written at once where the line is free."""
+    """Commands to the wheels, each written at once if the line is free."""
 
     def __init__(
         self,
@@ -111,7 +111,7 @@ class ConnectedBoard:
         return self._dialect.cut is not None
 
     def rearm(self) -> None:
-        """Send the board again what it loses at a reset, in case one went unnoticed."""
+        """Send the board again the frames whose effect a reset loses, in case of a silent reset."""
         self.counters["rearmed_unheard"] += 1
         self._poller.arm()
 
@@ -122,7 +122,7 @@ class ConnectedBoard:
     def stop_sent(self) -> bool:
         """Whether the last command for the wheels is a stop, and nothing of it waits here."""
         line = self._line
-        # What is written to a port that is gone goes nowhere, and nothing of it waits.
+        # Bytes for a port that is gone go nowhere, and none of them wait.
         return not (line.lost or line.writer.stopping or self._turning or line.port.queued())
 
     @property
@@ -141,7 +141,7 @@ class ConnectedBoard:
 
     @property
     def seen_standing(self) -> bool | None:
-        """Whether the wheels were seen to stand last; ``None`` where they were not driven."""
+        """Whether the wheels were seen to stand last; ``None`` if they were not driven."""
         return (self._line.watch.standing and not self._turning) if self._drove else None
 
     def status_values(self) -> dict[str, int]:
@@ -154,7 +154,7 @@ class ConnectedBoard:
         while True:
             await self._line.writer.request(frame, _is_battery, BATTERY_ANSWER_S)
             await sleep_until(clock, clock.now_ns() + nanoseconds(wait_s))
-            # An answer that came late is one as well.
+            # A late answer counts as well.
             if self._volts_heard:
                 self._volts_heard, unanswered, wait_s = False, 0, period_s
                 continue
@@ -175,7 +175,7 @@ class ConnectedBoard:
         if notice != "none":
             self._poller.may_have_been_reset()
         if isinstance(decoded, Battery):
-            # A board that tells it unasked does so all the time: once in a period is enough.
+            # A board that reports it unasked does so all the time: once in a period is enough.
             if not self._volts_heard:
                 self._volts_heard = True
                 self._listener.battery(decoded.volts)

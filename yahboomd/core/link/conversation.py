@@ -1,7 +1,7 @@
-"""Questions to a board that nothing drives. For `stop`, `probe`, and settings that are stored.
+"""Questions to a board that nothing drives: for `stop`, `probe`, and settings that are stored.
 
 A session keeps a connection alive; a conversation has a beginning and an end. It stops the wheels
-before it asks anything, and its line leaves with the motors let go, whatever happens in between.
+before it asks anything, and in every case its line leaves with the motors released.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Conversation:
 
     @classmethod
     async def begin(cls, line: Line, *, stop_first: bool = True) -> Self:
-        """Stop the wheels, and find out what board is there.
+        """Stop the wheels, and find out which board is there.
 
         Args:
             stop_first: The stop of an unknown board has not been sent on it yet.
@@ -44,7 +44,7 @@ class Conversation:
         return cls(line, dialect)
 
     async def request(self, frame: bytes, answered: Answers, timeout_s: float) -> bool:
-        """Send one frame and wait for its answer; whether it came."""
+        """Send one frame and wait for its answer; return whether it came."""
         return await self._line.ask(frame, answered, timeout_s)
 
     async def read_settings(self, expected: BoardSettings) -> BoardSettings | None:
@@ -59,7 +59,7 @@ class Conversation:
         return await handshake.read_settings(self._line, self.dialect, expected)
 
     async def read_battery(self) -> float | None:
-        """The voltage of the motors' supply; None where the board does not report it."""
+        """The voltage of the motors' supply; None if the board does not report it."""
         volts: list[float] = []
 
         def answered(said: Decoded) -> bool:
@@ -74,14 +74,14 @@ class Conversation:
         return None
 
     async def why_silent(self) -> str:
-        """The reason why no counts come although the board answers; empty where there is none."""
+        """The reason why no counts come although the board answers; empty if there is none."""
         return self.dialect.silence(*await handshake.ask_supply(self._line, self.dialect))
 
     async def read_counters(self) -> Counts | None:
-        """The counters now; None where they do not come. A stream is left switched on."""
+        """The counters now; None if they do not come. A stream is left switched on."""
         frames = self.dialect.arm if self.dialect.poll is None else (self.dialect.poll,)
         for _ in range(ASK_ATTEMPTS):
-            # A board that counts unasked gets no question, and is waited for the same way.
+            # A board that counts unasked gets no question, but the wait is the same.
             for frame in frames or (b"",):
                 if await self.request(frame, _is_totals, COUNTERS_WITHIN_S):
                     return self._line.ticks

@@ -1,7 +1,7 @@
 """Finds the board's port: by its udev name, or as the only CH340 on USB; of several by listening.
 
-Also why there is none: the device may be on USB without a tty (some Jetson kernels lack the ch341
-driver), or brltty may have taken it.
+It also explains why there is none: the device may be on USB without a tty (some Jetson kernels lack
+the ch341 driver), or brltty may have taken it.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ class Candidate(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         path: The device.
-        description: What the system calls it.
+        description: Its name in the system.
         usb: Vendor and product, such as ``1a86:7523``.
         is_ch340: Whether these are a board's.
-        by_path: A name that stays with the USB socket, where there is one.
+        by_path: A name that stays with the USB socket, if there is one.
     """
 
     path: str
@@ -73,8 +73,8 @@ async def find(
 ) -> tuple[str, str]:
     """The port to open, and a sentence about the others if several could be the board.
 
-    They are listened to first. A board that reports by itself is taken without a word to any of
-    them. Else the silent ones of the likelier USB id are stopped and asked, and those of the next
+    They are listened to first. A board that reports by itself is taken, and nothing is sent to
+    any. Else the silent ones of the likelier USB id are stopped and asked, and those of the next
     id only if none of these is a board or held by another process.
 
     Args:
@@ -83,7 +83,7 @@ async def find(
     Raises:
         PortMissing: Nothing looks like a board.
         BoardSilent: Several do, and none answers like one.
-        ConfigError: Several answer, and only a person can say which.
+        ConfigError: Several answer, and only a person can choose.
     """
     likely = [each for each in found if each.is_ch340]
     if configured or len(likely) < 2:
@@ -108,7 +108,7 @@ async def find(
         heard = {each: recognise(line.unread) for each, line in lines.items()}
         speaking = [DIALECTS[name] for name in heard.values() if name]
         state.update({each: IS_ONE for each, name in heard.items() if name})
-        # A stream that somebody switched on tells nothing of another board, which may be silent.
+        # A stream that was switched on does not exclude another board, which may be silent.
         settled = bool(speaking) and all(dialect.listen_ns for dialect in speaking)
         for usb in () if settled else usb_ids():
             group = [each for each in likely if each.usb == usb]
@@ -151,7 +151,7 @@ async def _answers(line: Line) -> bool:
 
 
 def choose(configured: str, found: Iterable[Candidate], *, udev_name: str = UDEV_NAME) -> str:
-    """The port to open where one at most looks like the board's.
+    """The port to open, if one at most looks like the board's.
 
     Raises:
         PortMissing: None does.
@@ -174,7 +174,7 @@ def choose(configured: str, found: Iterable[Candidate], *, udev_name: str = UDEV
 
 
 def without_driver(sysfs: Path = Path("/sys/bus/usb/devices")) -> str:
-    """The fault where a CH340 is on USB and no tty came of it; else empty."""
+    """The fault if a CH340 is on USB without a tty; else empty."""
     for vendor in sorted(sysfs.glob("*/idVendor")):
         folder = vendor.parent
         try:
@@ -190,8 +190,8 @@ def without_driver(sysfs: Path = Path("/sys/bus/usb/devices")) -> str:
                 )
             return (
                 "A CH340 is on USB, but the kernel made no tty of it: its ch341 driver is missing "
-                "(some Jetson kernels lack it). Try: sudo modprobe ch341; docs/install.md says how "
-                "to build it."
+                "(some Jetson kernels lack it). Try: sudo modprobe ch341; docs/install.md explains "
+                "how to build it."
             )
     return ""
 

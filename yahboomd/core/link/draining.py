@@ -1,8 +1,8 @@
 """Output that has not left the machine: its size, and waiting for it.
 
-``tcdrain`` would block the loop, for ever where nothing takes the output. A pseudo-terminal tells
-nothing of its queue (0 always), and the drivers of USB adapters cannot drop theirs: there what is
-queued goes out sooner or later, so no more than one frame is ever queued.
+``tcdrain`` would block the loop, for ever if nothing takes the output. A pseudo-terminal does not
+report its queue (0 always), and the drivers of USB adapters cannot drop theirs: their queue
+goes out sooner or later, so no more than one frame is ever queued.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from yahboomd.core.clock import PAUSE_NS, Clock, nanoseconds, sleep_until
 from yahboomd.core.model import NS_PER_S
 
 STUCK_NS = 300_000_000
-"""A port that sent nothing for so long sends nothing any more: only opening it again helps."""
+"""A port that sent nothing for this time sends nothing any more: only opening it again helps."""
 
 SLOW_NS = 50_000_000
-"""A frame that left so much later than its length explains left a slow port."""
+"""A frame that left this much later than its length explains left a slow port."""
 
 
 def in_kernel(fd: int) -> int:
@@ -33,17 +33,17 @@ def in_kernel(fd: int) -> int:
 
 
 def drop(fd: int) -> None:
-    """Discard what the system has taken and not sent yet, where the driver can."""
+    """Discard bytes that the system has taken and not sent yet, if the driver can."""
     with contextlib.suppress(OSError, termios.error):
         termios.tcflush(fd, termios.TCOFLUSH)
 
 
 class OutputWatch:
-    """Measures whether a port has sent what was written last, and how fast it sends.
+    """Measures whether a port has sent its last frame, and how fast it sends.
 
     Args:
-        queued: How many bytes wait.
-        byte_ns: How long one takes on the wire.
+        queued: Returns the number of bytes that wait.
+        byte_ns: The time of one byte on the wire.
     """
 
     def __init__(self, queued: Callable[[], int], byte_ns: int) -> None:
@@ -77,17 +77,17 @@ class OutputWatch:
         return True
 
     def stuck(self, now_ns: int) -> bool:
-        """Whether the port has sent nothing of what waits for :data:`STUCK_NS`."""
+        """Whether the port has sent none of the waiting bytes for :data:`STUCK_NS`."""
         return self._least is not None and now_ns - self._moved_ns >= STUCK_NS
 
 
 async def drained(
     clock: Clock, waiting: Callable[[], int | None], *, byte_ns: int, timeout_s: float
 ) -> bool:
-    """Wait until nothing waits.
+    """Wait until no bytes are queued.
 
     Args:
-        waiting: How many bytes wait; None for a port that is lost.
+        waiting: Returns the number of queued bytes; None for a port that is lost.
 
     Returns:
         Whether everything is on the wire.

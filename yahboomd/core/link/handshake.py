@@ -1,7 +1,6 @@
 """Identifies a board, in an order that is safe if its wheels still turn after a crash.
 
-Stop first, then ask who it is, then how it is set up. Nothing is written to its flash, ever, by
-connecting.
+Stop first, then identify it, then read its settings. Connecting never writes to its flash.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from yahboomd.core.protocol.registry import identify as recognise
 from yahboomd.core.protocol.settings import VERSION, BoardSettings, SettingValue, is_complete
 
 ATTEMPTS = 3
-"""The period at which a silent board is asked who it is."""
+"""The number of times that a silent board is asked to identify itself."""
 
 ANSWER_WITHIN_S = 0.25
 """The longest answer is begun in under 20 ms and takes 15 ms more."""
@@ -41,7 +40,7 @@ class Identity(msgspec.Struct, frozen=True, kw_only=True):
     """The dialect and settings of a board.
 
     Attributes:
-        settings: What it keeps in flash; ``None`` where it cannot be asked.
+        settings: The settings in its flash; ``None`` if it cannot be asked.
     """
 
     dialect: Dialect
@@ -53,7 +52,7 @@ async def identify(line: Line, wanted: str = "auto", *, stop_first: bool = True)
 
     Args:
         wanted: ``auto``, or the only dialect to accept.
-        stop_first: The stop of an unknown board has not been sent on it yet.
+        stop_first: The stop of an unknown board has not been sent to it yet.
 
     Raises:
         BoardSilent: Nothing answered like a board.
@@ -64,7 +63,7 @@ async def identify(line: Line, wanted: str = "auto", *, stop_first: bool = True)
     if stop_first and not await stop_unidentified(port, clock):
         raise takes_no_output(port.name)
     first = len(line.unread)
-    # Boards that report by themselves first: what others are asked might not suit them.
+    # Boards that report by themselves first: the questions to others might not suit them.
     name = None
     if listen_ns := max(dialect.listen_ns for dialect in DIALECTS.values()):
         name = await _recognised(line, first, clock.now_ns() + listen_ns)
@@ -86,7 +85,7 @@ async def identify(line: Line, wanted: str = "auto", *, stop_first: bool = True)
             )
         found = DIALECTS[name]
         if found.listen_ns:
-            # It may have started this moment, with a motion that it received before.
+            # It may have started just now, with a motion that it received before.
             port.write(found.resync + found.surest_stop)
         # The board receives nothing until its answer is complete.
         await _quiet(line)
@@ -95,7 +94,7 @@ async def identify(line: Line, wanted: str = "auto", *, stop_first: bool = True)
     heard = f"{chatter} lines that no board sends" if chatter else "nothing"
     titles = " or ".join(dict.fromkeys(dialect.title for dialect in DIALECTS.values()))
     slow = "".join(
-        f"A {dialect.title} says nothing for {dialect.starts_within_s:g} s after it was switched "
+        f"A {dialect.title} is silent for {dialect.starts_within_s:g} s after it was switched "
         "on or reset. "
         for dialect in DIALECTS.values()
         if dialect.starts_within_s and wanted in {"auto", dialect.name}
@@ -122,7 +121,7 @@ async def _recognised(line: Line, first: int, deadline_ns: int) -> str | None:
 
 
 async def _quiet(line: Line) -> None:
-    """Wait until nothing more comes; not for ever, since a stream may run on."""
+    """Wait until nothing more comes; bounded, because a stream may run on."""
     clock = line.clock
     end_ns = clock.now_ns() + nanoseconds(QUIET_WITHIN_S)
     while clock.now_ns() < end_ns:
@@ -133,14 +132,14 @@ async def _quiet(line: Line) -> None:
 
 
 async def await_reports(line: Line, dialect: Dialect) -> None:
-    """See counts of a board that reports unasked; where none come, switch its reports on.
+    """See counts of a board that reports unasked; if none come, switch its reports on.
 
     Raises:
         BoardSilent: It answers and does not report, with the reason as far as it is known.
     """
     if not dialect.listen_ns or line.streaming:
         return
-    # One that needs no such frame is waited for the same way.
+    # A board that needs no such frame gets the same wait.
     for frame in (dialect.arm or (b"",)) * ATTEMPTS:
         if await line.ask(frame, lambda said: isinstance(said, Totals), REPORT_WITHIN_S):
             return
@@ -184,7 +183,7 @@ async def read_settings(
     expected one, or when it was sent twice.
 
     Args:
-        expected: What a board that was set up for these motors says.
+        expected: The settings of a board that was set up for these motors.
 
     Raises:
         BoardSilent: It was asked often enough and did not answer all questions.
@@ -200,7 +199,7 @@ async def read_settings(
             votes[VERSION, decoded.version] += 1
         return isinstance(decoded, Setting | VersionLine) and decoded.last
 
-    # What it said when it was asked who it is counts once, and settings may be among it.
+    # Its answers to the first question count once, and settings may be among them.
     said, line.said = line.said, []
     for decoded in said:
         hear(decoded)
@@ -222,7 +221,7 @@ def _believed(
     dialect: Dialect, votes: Counter[tuple[str, SettingValue]], expected: BoardSettings
 ) -> BoardSettings:
     steering = {row.field for row in dialect.settings if row.steers}
-    # The most said last, so that it stays.
+    # The most frequent value last, so that it stays.
     return {
         name: value
         for (name, value), count in sorted(votes.items(), key=lambda vote: vote[1])

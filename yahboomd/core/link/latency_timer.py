@@ -1,6 +1,6 @@
-"""The latency timer of FTDI's USB-serial chips, which makes every answer late when left alone.
+"""The latency timer of FTDI's USB-serial chips, which makes every answer late by default.
 
-Such a chip keeps what it has received until its buffer is full or the timer is over: 16 ms unless
+Such a chip keeps received bytes until its buffer is full or the timer is over: 16 ms unless
 someone sets it. A CH340, which the board carries, has no such timer; a board on a level shifter of
 another kind may.
 """
@@ -22,7 +22,7 @@ RULE = (
 
 
 def latency_ms(port: str) -> int | None:
-    """The timer of a port; ``None`` where it has none."""
+    """The timer of a port; ``None`` if it has none."""
     name = os.path.basename(os.path.realpath(port))
     try:
         return int((SYSFS / name / "latency_timer").read_text(encoding="ascii"))
@@ -31,10 +31,10 @@ def latency_ms(port: str) -> int | None:
 
 
 def describe(port: str) -> str | None:
-    """The effect of a timer that is longer than need be, and the line that sets it.
+    """The effect of a timer that is longer than necessary, and the line that sets it.
 
     Returns:
-        A sentence, and on a line of its own the udev rule; ``None`` where there is nothing to set.
+        A sentence, and on a line of its own the udev rule; ``None`` if there is nothing to set.
     """
     timer_ms = latency_ms(port)
     if timer_ms is None or timer_ms <= SHORTEST_MS:

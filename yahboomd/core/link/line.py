@@ -1,8 +1,8 @@
-"""The line to a board: what comes in, how it is understood, and how the line is left.
+"""The line to a board: its input, the decoding of it, and the way the line is left.
 
-Sessions and conversations are held over it. From the port's chunks it makes frames, of frames what
-the board said, and hands that on at once. It notices damage, restarts of the board and the loss of
-the port; and whatever ends it, it stops the wheels and closes the port, bounded in time.
+Sessions and conversations use it. It cuts the port's chunks into frames, decodes the frames, and
+hands the results on at once. It notices damage, restarts of the board and the loss of
+the port; and however it ends, it stops the wheels and closes the port, bounded in time.
 """
 
 from __future__ import annotations
@@ -44,33 +44,33 @@ from yahboomd.core.protocol.dialect import (
 from yahboomd.core.protocol.registry import DIALECTS, connect_spacing_ns
 
 STILL_TICKS_PER_S = 100.0
-"""Below it a wheel counts as standing where no wheel is configured: six counts in the watch's
+"""Below it a wheel counts as standing if no wheel is configured: six counts in the watch's
 window, at most 25 mm/s at the rim with any of the vendor's gears that has an encoder."""
 
 NOISY_DAMAGES = 5
 NOISY_NS = 10_000_000_000
-"""A line that damaged so many chunks in so long damages others, in the other direction too. A board
-that was reset cuts a line or two; and a question without an answer is no damage, since a busy
-computer has such, too."""
+"""A line with this many damages in this time damages more, in the other direction too. A board
+that was reset cuts a line or two; and a question without an answer is no damage, because a busy
+computer causes such, too."""
 
 CUT_NS = 100_000_000
-"""A line that was cut because the process did not read comes within so long, and is no damage."""
+"""A line that was cut because the process did not read comes within this time, and is no damage."""
 
 DAMAGES_MOST = 16
 """Damages of the last ten seconds are counted up to here."""
 
 NOISY_RESEND_NS = 25_000_000
-"""On a noisy line a speed is sent so often: one that arrives garbled lives no longer."""
+"""On a noisy line a speed is sent at this period: one that arrives garbled lives no longer."""
 
 KEPT_BYTES = 512
 
 
 class ReceivedSample(msgspec.Struct, kw_only=True):
-    """A sample of what came from the port, to explain a port without a board.
+    """A sample of the input, to explain a port without a board.
 
     Attributes:
         start: The first bytes, half a kilobyte at most.
-        counters: What the framer made of everything.
+        counters: The framer's counters of the whole input.
         resets: How often the board announced a restart, or may have.
     """
 
@@ -80,7 +80,7 @@ class ReceivedSample(msgspec.Struct, kw_only=True):
 
 
 class Line:
-    """A port and what is at its other end, known by its dialect sooner or later.
+    """A port and the board at its other end, whose dialect is known sooner or later.
 
     Args:
         still_ticks_per_s: Below it a wheel counts as standing.
@@ -92,19 +92,19 @@ class Line:
         writer: The outgoing half.
         watch: Sees whether the wheels stand.
         notices: Sees whether the board has started.
-        unread: What came before the dialect was known, with the dialect whose framer found it.
-        news: Set whenever that is more.
-        said: The same, in the dialect.
+        unread: Items from before the dialect was known, with the dialect whose framer found them.
+        news: Set when ``unread`` grows.
+        said: The decoded items of ``unread``.
         ticks: The latest counters.
         streaming: Counts came, and no sign that the board has started since.
         let_go: The motors are without power: leaving does not brake.
-        report: How the wheels were brought to rest, at the end or before.
-        heard: What came from the port.
-        counters: What went wrong, by name.
+        report: The outcome of the stop, at the end or before.
+        heard: A sample of the input.
+        counters: The faults, by name.
         on_counts: Takes counts at their arrival.
         on_imu: Takes samples of the inertial sensor.
-        on_said: Takes everything else, and what it says of a start of the board.
-        on_leaving: Called when the wheels are being stopped by the line itself.
+        on_said: Takes everything else, with its notice of a start of the board.
+        on_leaving: Called when the line itself is stopping the wheels.
     """
 
     def __init__(
@@ -154,16 +154,16 @@ class Line:
         self.on_leaving: Callable[[], None] = lambda: None
         tap.opened(port.name, port.byte_ns)
 
-    # What a session or a conversation does with it.
+    # For sessions and conversations.
 
     @contextlib.asynccontextmanager
     async def attended(self, *, reopens: bool = False) -> AsyncIterator[None]:
-        """Listen; in the end stop the wheels and close the port, whatever ended the body.
+        """Listen; in the end stop the wheels and close the port, however the body ended.
 
         The loss of the port, and the end of any task of the line, end the body.
 
         Args:
-            reopens: A port that takes no output is opened again, which drops what it holds back: it
+            reopens: A port that takes no output is opened again, which drops the held output: it
                 is closed without waiting for a stop to get through.
 
         Raises:
@@ -205,19 +205,19 @@ class Line:
         self.tasks.start(self.writer.run(), "link-writer")
 
     def drop_input(self) -> None:
-        """The process did not run: what was kept for it is old, and the rest was dropped."""
+        """Drop old input after this process did not run; the kernel has dropped the rest."""
         self._cut_until_ns = self.clock.now_ns() + CUT_NS
         self.port.drop_input()
 
     async def ask(self, frame: bytes, answered: Answers, timeout_s: float) -> bool:
-        """Send one frame and wait for its answer; whether it came."""
+        """Send one frame and wait for its answer; return whether it came."""
         self._at_rest = False
         return await self.writer.request(frame, answered, timeout_s)
 
     async def rest(self, dialect: Dialect) -> StopReport:
         """Bring the wheels to rest and release the motors; streams are off afterwards.
 
-        Where the brake is not obeyed the motors are cut, and watched while they coast.
+        If the brake is not obeyed the motors are cut, and watched while they coast.
         """
         # A frame that waited for an answer would follow the stop.
         self.writer.closed = True
@@ -250,13 +250,13 @@ class Line:
         found = {name: getattr(framed, name) for name in framed.__struct_fields__}
         return {**found, **self.counters, **self.writer.status_values()}
 
-    # What comes in.
+    # The input.
 
     def _data(self, data: bytes) -> None:
         try:
             self._receive(data)
         except Exception as error:  # noqa: BLE001 - raised by the tasks, which end with it
-            # Here the event loop is the caller: it would log the error, and drive on.
+            # Here the event loop is the caller: it would log the error and continue.
             self.tasks.fail(error)
 
     def _receive(self, data: bytes) -> None:
@@ -265,12 +265,12 @@ class Line:
         if self.dialect is None:
             return
         self._notice_noise(now_ns)
-        # Behind a whole item a framer that holds nothing is as a fresh one.
+        # Behind a whole item, a framer that holds nothing is like a fresh one.
         if self.tap.due and items and not self._framer.held_bytes:
             self.tap.settled()
 
     def _take(self, data: bytes, now_ns: int) -> Sequence[Item]:
-        """Cut and use what came; returns what was cut, where the dialect is known."""
+        """Cut and decode the input; return the items, if the dialect is known."""
         self.tap.received(data, now_ns)
         if len(self.heard.start) < KEPT_BYTES:
             self.heard.start = (self.heard.start + data)[:KEPT_BYTES]
@@ -299,15 +299,15 @@ class Line:
         sent_ns = received_ns - item.size * byte_ns
         requested_ns = earliest_ns = None
         writer = self.writer
-        # While the line is being left, questions go past the writer, and it knows of none of them.
+        # While the line is being left, questions bypass the writer, which knows none of them.
         if writer.poll_heard_ns and not self._leaving:
             # An answer cannot have left before the question was all there.
             requested_ns = min(writer.poll_heard_ns, received_ns)
             sent_ns = max(sent_ns, requested_ns)
             asked_ns = writer.answered_poll_ns()
             earliest_ns = requested_ns if asked_ns is None else min(asked_ns, requested_ns)
-        # Now that it is known which question this answers, the next one may go: the board is at
-        # work while the counts are made use of here.
+        # Now that the answered question is known, the next one may go: the board works on it
+        # while the counts are used here.
         writer.receive(totals, received_ns)
         self.ticks, self.streaming = totals.ticks, True
         self.watch.add(totals.ticks, received_ns)
@@ -378,7 +378,7 @@ class Line:
         self.tasks.fail(lost(self.port.name, error))
 
     async def _leave(self) -> None:
-        """Stop the wheels and close. Bounded in time, whatever brought us here."""
+        """Stop the wheels and close. Bounded in time, in every case."""
         self._leaving = self.writer.closed = True
         try:
             if self._lost or self._at_rest:

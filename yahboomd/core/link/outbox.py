@@ -1,7 +1,7 @@
 """Frames that wait to be sent: three lanes, and one rule for their order.
 
-- **stop** overtakes everything, and wipes the velocity that it contradicts;
-- **velocity** is a slot: the newest wins, and it is repeated until replaced, since the board may
+- **stop** overtakes everything, and discards the velocity that it contradicts;
+- **velocity** is a slot: the newest wins, and it is repeated until replaced, because the board may
   drop one and its caller would not know;
 - **configuration** is first in, first out, each waiting for its answer.
 
@@ -10,7 +10,7 @@ velocities cannot starve the poll, nor the poll the configuration, only a stop g
 row while another waits.
 
 A question that waits for its answer holds back other questions, and a velocity only as long as the
-board's mailbox needs: somebody may have to brake meanwhile.
+board's mailbox needs: the robot may have to brake meanwhile.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from yahboomd.core.protocol.dialect import Decoded
 
 
 class FrameLane(enum.StrEnum):
-    """The origin of a frame."""
+    """The lane of a frame."""
 
     STOP = "stop"
     VELOCITY = "velocity"
@@ -34,7 +34,7 @@ class FrameLane(enum.StrEnum):
 
 
 Answers = Callable[[Decoded], bool]
-"""Whether what the board sent is the (last part of the) answer to a request."""
+"""Whether a decoded item is the (last part of the) answer to a request."""
 
 
 class Question(msgspec.Struct, frozen=True, kw_only=True, eq=False):
@@ -43,7 +43,7 @@ class Question(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     Attributes:
         frame: The bytes to send.
         answered: Decides whether something received completes the answer.
-        timeout_ns: How long to wait for it, from the end of the frame.
+        timeout_ns: The longest wait for it, from the end of the frame.
         done: Called once, with whether the answer came.
     """
 
@@ -79,14 +79,14 @@ class Outbox:
         self.replaced = 0
 
     def stop(self, frames: tuple[bytes, ...]) -> None:
-        """Queue a stop before everything else; what was to move the wheels is discarded."""
+        """Queue a stop before everything else; the velocity is discarded."""
         self._stops.clear()
         self._stops.extend(frames)
         self._velocity = None
         self._velocity_due_ns = None
 
     def velocity(self, frame: bytes) -> bool:
-        """Replace the velocity; the same one again changes nothing about when it is due.
+        """Replace the velocity; the same one again does not change its due time.
 
         Returns:
             Whether it is another one.
@@ -105,12 +105,12 @@ class Outbox:
             self._velocity_due_ns = 0
 
     def quiet(self) -> None:
-        """Send no velocity any more (the wheels are let go)."""
+        """Send no velocity any more (the motors are released)."""
         self._velocity = None
         self._velocity_due_ns = None
 
     def poll(self, frame: bytes) -> bool:
-        """Ask for the counters; ``False`` where the previous request still waits."""
+        """Ask for the counters; ``False`` if the previous request still waits."""
         if self._poll is not None:
             return False
         self._poll = frame
@@ -137,7 +137,7 @@ class Outbox:
         return due_ns is not None and due_ns <= until_ns
 
     def due_ns(self, *, asking: bool) -> int | None:
-        """The time at which the next frame is due; 0 for at once, ``None`` where nothing waits.
+        """The time at which the next frame is due; 0 for at once, ``None`` if nothing waits.
 
         Args:
             asking: As for :meth:`take`.
@@ -149,7 +149,7 @@ class Outbox:
         return self._velocity_due_ns
 
     def _may_request(self, asking: bool) -> bool:
-        # What expects no answer cannot be confused with the one that is awaited.
+        # A frame without an answer cannot be confused with the one that is awaited.
         return not (asking and self._requests[0].timeout_ns > 0)
 
     def take(self, now_ns: int, *, busy: bool, asking: bool = False) -> Outgoing | None:
@@ -163,7 +163,7 @@ class Outbox:
             return self._sent(Outgoing(lane=FrameLane.STOP, frame=self._stops.popleft()))
         if busy:
             return None
-        # In the order in which they go first, of which none goes twice in a row.
+        # In this order; none of them goes twice in a row.
         poll = self._poll is not None and not asking
         request = bool(self._requests) and self._may_request(asking)
         if (

@@ -1,8 +1,8 @@
 """The second of the two coroutines that share the stream: it gets the counts.
 
-One that has to be asked is asked on an absolute schedule. A board that streams sends by itself, and
-the same schedule only looks whether it still does. Either way every reading passes through here on
-its way to the odometry, at the moment its last byte arrived, without another iteration of the loop.
+A board that has to be asked is asked on an absolute schedule. A board that streams sends by itself,
+and the same schedule only checks that it still does. Either way every reading passes through here
+on its way to the odometry, when its last byte arrives, without another iteration of the loop.
 """
 
 from __future__ import annotations
@@ -21,25 +21,25 @@ from yahboomd.core.model import EncoderReading
 from yahboomd.core.protocol.dialect import Dialect
 
 REARM_AFTER_S = 0.25
-"""A stream that paused so long is switched on again: the board may have reset itself unheard."""
+"""A stream that paused for this time is switched on again: the board may have reset unnoticed."""
 
 WATCH_NS = 50_000_000
-"""To see that a stream still comes, one need not look as often as others are asked."""
+"""The period of the check that a stream still comes: longer than that of polls."""
 
 ARMED_AFTER_S = 1.0
-"""What switches the stream on was sent, and has arrived, after so long."""
+"""The time after which a frame that switches the stream on has certainly arrived."""
 
 SILENT_AFTER_S = 1.0
-"""No counts for so long: the board is gone, whatever the port says."""
+"""Without counts for this time the board is gone, although the port works."""
 
 
 class Poller:
     """Asks for counts, or watches that they come.
 
     Args:
-        writer: Sends what is asked.
+        writer: Sends the questions.
         clock: The source of time.
-        dialect: How the board is spoken to.
+        dialect: The dialect of the board.
         period_ns: From poll to poll.
         on_reading: Receives every reading.
         on_armed: Called whenever the board is asked to stream its counts.
@@ -69,7 +69,7 @@ class Poller:
         self._clock = clock
         self._dialect = dialect
         self._period_ns = period_ns if dialect.poll is not None else WATCH_NS
-        # A slow schedule need not wait its whole period for an answer that was lost.
+        # A slow schedule need not wait its whole period for a lost answer.
         self._answer_ns = min(max(period_ns, 20_000_000), 100_000_000)
         self._on_reading = on_reading
         self._on_armed = on_armed
@@ -85,13 +85,13 @@ class Poller:
         self.counters: Counter[str] = Counter()
 
     def board_reset(self) -> None:
-        """The board announced a restart: its counters are zero, and its stream is off."""
+        """Handle a restart that the board announced: its counters are zero, its stream is off."""
         self._after_reset = True
         self._heard_ns = self._clock.now_ns()
         self.arm()
 
     def may_have_been_reset(self) -> None:
-        """The board sent words that it sends when it starts."""
+        """Note words of the board that it sends when it starts."""
         self.unbroken = False
         self._came_ns = 0
 
@@ -131,9 +131,9 @@ class Poller:
         schedule = self._schedule
         self.counters["polls_late"] = schedule.missed
         if schedule.late_ns > PAUSE_NS:
-            # This process did not run: that is no silence of the board's.
+            # This process did not run, which is no silence of the board.
             self._heard_ns = max(self._heard_ns, self._clock.now_ns())
-            # Nor is the velocity of before it said again: the control path has the first word.
+            # Nor is the old velocity repeated: the control path decides first.
             return
         self._look()
         if self._dialect.poll is not None and not self._writer.poll(

@@ -2,14 +2,14 @@
 
 :mod:`~yahboomd.core.link.seize` opens it, for the daemon and for a process that stops wheels before
 it imports anything. pyserial configures it, and pyserial-asyncio carries the bytes. Three of its
-ways do not fit a program that stops wheels, and are mended here, at the edge:
+habits do not fit a program that stops wheels, and are corrected here:
 
-- its ``write`` waits for the loop to report the port writable; a frame that finds the port free is
-  written at once, and its buffer takes only what the kernel did not;
+- its ``write`` waits for the loop to report the port writable; here a frame that finds the port
+  free is written at once, and the buffer takes only the bytes that the kernel did not;
 - its close calls ``tcdrain`` on the loop's thread, and the kernel waits again for output that
-  is not read: both are cut short by discarding the output first, so draining is ours to do, with
+  is not read: both are cut short by discarding the output first, so this file drains itself, with
   a deadline (:meth:`SerialPort.drain`);
-- a read that fails while output is waiting makes it wait for the output first; where the device
+- a read that fails while output is waiting makes it wait for the output first; if the device
   takes nothing, ``connection_lost`` never comes: reading errors are reported from the serial
   object itself.
 """
@@ -38,7 +38,7 @@ from yahboomd.core.model import NS_PER_S
 BITS_PER_BYTE = 10  # 8N1: a start bit, eight of data, a stop bit
 
 MAX_PENDING = 4096
-"""Output the kernel would not take, in bytes; beyond that the port counts as stuck."""
+"""Bytes of output that the kernel did not take; beyond that the port counts as stuck."""
 
 
 def byte_time_ns(baudrate: int) -> int:
@@ -80,32 +80,32 @@ class Port(Protocol):
     def listen(
         self, on_data: Callable[[bytes], None], on_lost: Callable[[Exception | None], None]
     ) -> None:
-        """Set who receives bytes and the loss of the port."""
+        """Set the receivers of bytes and of the loss of the port."""
 
     def write(self, data: bytes) -> None:
         """Send; never blocks and never raises: a lost port is reported to ``on_lost``."""
 
     def drop_input(self) -> None:
-        """Drop what came and was not read yet."""
+        """Drop the bytes that came and were not read yet."""
 
     def discard(self) -> None:
-        """Drop what is not on the wire, where the driver can: it may cut a frame in half."""
+        """Drop output that is not on the wire, if the driver can: it may cut a frame in half."""
 
     async def drain(self, timeout_s: float) -> bool:
-        """Wait until everything is on the wire; whether it is."""
+        """Wait until everything is on the wire; return whether it is."""
 
     def close(self) -> None:
-        """Let go at once; what is not on the wire is discarded."""
+        """Close at once; output that is not on the wire is discarded."""
 
 
 Opener = Callable[[], Awaitable[Port]]
 
 
 class _Serial(serial.Serial):
-    """A port that is open already, in ways that fit an event loop.
+    """A port that is open already, adapted to an event loop.
 
     Args:
-        fd: The descriptor, which is this object's to close.
+        fd: The descriptor, which this object closes.
     """
 
     fd: int | None = None
@@ -118,7 +118,7 @@ class _Serial(serial.Serial):
         self.fd, self.is_open = fd, True
 
     def configure(self, *, hangup_on_close: bool) -> None:
-        """Make it raw, discard what was received, and set what becomes of DTR when we leave."""
+        """Make it raw, discard its input, and set whether closing drops DTR."""
         self._reconfigure_port(force_update=True)  # type: ignore[attr-defined]
         self.reset_input_buffer()
         attributes = termios.tcgetattr(self.fileno())
@@ -175,7 +175,7 @@ class SerialPort(asyncio.Protocol):
         self.byte_ns = byte_time_ns(device.baudrate)
         device.on_broken = self._broken
 
-    # What asyncio calls.
+    # For asyncio.
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._transport = transport
@@ -187,7 +187,7 @@ class SerialPort(asyncio.Protocol):
         self._transport = None
         self._report(exc)
 
-    # What the session calls.
+    # For the session.
 
     def listen(
         self, on_data: Callable[[bytes], None], on_lost: Callable[[Exception | None], None]
@@ -214,7 +214,7 @@ class SerialPort(asyncio.Protocol):
         return in_kernel(self._fd) + (self.pending if self._spilled else 0)
 
     def drop_input(self) -> None:
-        # Of a port that is lost the event loop hears by itself.
+        # The event loop learns of a lost port by itself.
         if not self._lost:
             with contextlib.suppress(termios.error):
                 termios.tcflush(self._fd, termios.TCIFLUSH)
@@ -256,13 +256,13 @@ class SerialPort(asyncio.Protocol):
         self._on_lost = lambda _error: None
         self._lost = True
         self._abort()
-        # The transport would do it at the loop's next turn: a process that opens the port at once
-        # must not find it held by us.
+        # The transport would do it in the loop's next iteration: a process that opens the port at
+        # once must not find it held by us.
         self._device.close()
 
     def _broken(self, error: Exception | None) -> None:
         self._report(error)
-        # Not at once: the transport may be in the middle of finding out for itself.
+        # Not at once: the transport may be detecting the same error just now.
         asyncio.get_running_loop().call_soon(self._abort)
 
     def _abort(self) -> None:
@@ -284,7 +284,7 @@ async def open_port(options: PortOptions, clock: Clock) -> SerialPort:
     Raises:
         PortMissing: There is no such device.
         PortDenied: The user may not open it.
-        PortBusy: Another process holds it; the message names it where that can be seen.
+        PortBusy: Another process holds it; the message names it if that can be seen.
         LinkError: It is no serial port, or the kernel refuses it otherwise.
     """
     path = options.path
@@ -301,18 +301,18 @@ async def open_port(options: PortOptions, clock: Clock) -> SerialPort:
 
 
 async def adopt(seized: Seized, clock: Clock) -> SerialPort:
-    """Carry the bytes of a port that was seized; its descriptor is the port's from now on."""
+    """Carry the bytes of a seized port; its descriptor is the port's from now on."""
     return await _carried(_Serial(seized.fd, seized.baudrate), seized.path, clock)
 
 
 async def _carried(device: _Serial, path: str, clock: Clock) -> SerialPort:
     port = SerialPort(device, path, clock)
     try:
-        # pyserial reads the port's settings once more, which fails where it hung up meanwhile.
+        # pyserial reads the port's settings once more, which fails if it hung up meanwhile.
         await serial_asyncio.connection_for_serial(asyncio.get_running_loop(), lambda: port, device)
     except OSError as error:
         device.close()
         raise lost(path, error) from error
-    # The transport introduces itself at the loop's next turn.
+    # The transport introduces itself in the loop's next iteration.
     await asyncio.sleep(0)
     return port

@@ -1,4 +1,4 @@
-"""A port that cannot be had, or goes away: which error that is, in words that help."""
+"""A port that cannot be opened, or goes away: the error for it, with a remedy."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def holders(path: str) -> tuple[str, ...]:
 
 
 def lost(path: str, error: Exception | None) -> PortLost:
-    """The port went away: what to raise."""
+    """The error to raise when the port went away."""
     words = "" if error is None else f" ({error})"
     return PortLost(
         f"{path}: the port went away{words}.",

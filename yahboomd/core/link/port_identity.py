@@ -22,7 +22,7 @@ class Device(NamedTuple):
     Attributes:
         number: Its device number; given again once it is free.
         node: The file system and inode of its node, of a pseudo-terminal its creation as well.
-        usb: The USB socket, the vendor and product, and the serial number; empty where it is not
+        usb: The USB socket, the vendor and product, and the serial number; empty if it is not
             on USB, or the system does not report it.
     """
 
@@ -49,12 +49,12 @@ def same(noted: Device, found: Device) -> bool:
     if noted.usb or found.usb:
         # It dropped off the bus and came back to its socket.
         return noted.usb == found.usb
-    # What is soldered on keeps its number; that of a pseudo-terminal goes to the next one.
+    # A soldered device keeps its number; that of a pseudo-terminal goes to the next one.
     return noted.number == found.number and not is_pseudo(noted.number)
 
 
 def find(noted: Device, *, sysfs: str = SYSFS, dev: str = DEV) -> str | None:
-    """A path of the device now; ``None`` where it is not there."""
+    """A path of the device now; ``None`` if it is not there."""
     major, minor = os.major(noted.number), os.minor(noted.number)
     if is_pseudo(noted.number):
         number = (major - _PSEUDO_TERMINALS.start) * _NUMBERS_EACH + minor

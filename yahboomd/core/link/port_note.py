@@ -2,7 +2,7 @@
 
 ``ExecStopPost=`` of the service runs ``yahboomd stop --direct`` when the daemon was killed. The
 robot drives on until the first stop, and reading the configuration would take several times as long
-as everything else before it. So each daemon writes a note for each port into its runtime folder.
+as all other steps before it. So each daemon writes a note for each port into its runtime folder.
 The standard library alone can read it.
 """
 
@@ -24,10 +24,10 @@ class PortNote(NamedTuple):
 
     Attributes:
         path: The device, as it was named: a link stays a link.
-        device: Which one it was: its name may be another's by now. None in a note of an earlier
+        device: Its identity: its name may be another's by now. None in a note of an earlier
             version.
-        pid: Of the daemon.
-        listen: Where the daemon listens for Zenoh.
+        pid: The daemon's process.
+        listen: The daemon's endpoints for Zenoh.
         ended: The daemon ended in order, and its wheels were seen to stand.
     """
 
@@ -48,7 +48,7 @@ class PortNote(NamedTuple):
 
 
 def write(note: PortNote, folder: str) -> bool:
-    """Write the note; whether it is there now. Never raises: without it the configuration is read.
+    """Write the note; return whether it is there. Never raises: the configuration replaces it.
 
     Notes of this process on other ports are removed: it has one port at a time. So are those of
     daemons that are gone and had ended in order.
@@ -86,7 +86,7 @@ def read(folder: str) -> list[PortNote]:
 
 def folder_of(environ: Mapping[str, str]) -> str:
     """The runtime folder that a service manager gives; empty without one."""
-    # Where a unit has several, systemd separates them by colons.
+    # If a unit has several, systemd separates them by colons.
     return environ.get("RUNTIME_DIRECTORY", "").split(":")[0]
 
 
@@ -110,7 +110,7 @@ def _put(place: str, note: PortNote) -> None:
     except OSError:
         if os.path.isfile(beside):
             os.unlink(beside)
-        # On a full disk the note of before has room for this one; left alone, it may say that the
+        # On a full disk the old note has room for this one; unchanged, it may state that the
         # wheels stand.
         fd = os.open(place, os.O_WRONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
         try:
@@ -120,7 +120,7 @@ def _put(place: str, note: PortNote) -> None:
 
 
 def _found(folder: str) -> list[tuple[str, PortNote]]:
-    """All notes, that of an earlier version, which had one name for all daemons, among them."""
+    """All notes, also that of an earlier version, which had one name for all daemons."""
     try:
         names = sorted(os.listdir(folder)) if folder else []
     except OSError:

@@ -2,11 +2,11 @@
 
 After a daemon was killed its board drives on, and every millisecond until the first stop is
 distance. asyncio and pyserial take several times as long to import as Python itself takes to start,
-so the first words are sent before either is there: this file imports what Python has loaded
-anyway, or nearly so. (That is also why it asks the time itself.)
+so the first frames are sent before either is there: this file imports what Python has loaded
+anyway, or nearly so. (That is also why it reads the time itself.)
 
 :func:`yahboomd.core.link.port.adopt` takes the descriptor over: the port is opened once,
-since opening it toggles lines that the board wires to its reset.
+because opening it toggles lines that the board wires to its reset.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from yahboomd.core.link.port_identity import Device, identify, is_pseudo, same
 from yahboomd.core.protocol.first_words import FIRST_WORDS, SPACING_S
 
 PATIENCE_S = 1.0
-"""The time for which a held port is tried again: a killed process holds it for a moment."""
+"""The time for which a held port is retried: a killed process holds it for a moment."""
 
 RETRY_S = 0.02
 WRITE_WITHIN_S = 0.1
@@ -33,7 +33,7 @@ _HELD = (errno.EBUSY, errno.EAGAIN)
 
 
 class OtherDevice(OSError):
-    """The path leads to another device than the one that is to be stopped; nothing was sent."""
+    """The path leads to another device than the one to be stopped; nothing was sent."""
 
 
 class Seized(NamedTuple):
@@ -41,7 +41,7 @@ class Seized(NamedTuple):
 
     Attributes:
         fd: The descriptor: exclusive, raw, not blocking.
-        spoken_ns: When the first stop was handed to the kernel; monotonic nanoseconds.
+        spoken_ns: When the first stop was written; monotonic nanoseconds.
     """
 
     fd: int
@@ -60,15 +60,15 @@ def seize(
     device: Device | None = None,
     patience_s: float = PATIENCE_S,
 ) -> Seized:
-    """Take the port for this process alone, and stop whatever board is there.
+    """Take the port for this process alone, and stop any board on it.
 
     Args:
-        device: Speak to this one only; None for the one that the path leads to.
-        patience_s: How long to try again while another process holds it.
+        device: Send to this one only; None for the one that the path leads to.
+        patience_s: How long to retry while another process holds it.
 
     Raises:
         OtherDevice: The path leads to another one than ``device``.
-        OSError: It cannot be had; ``errno`` says why.
+        OSError: It cannot be opened; ``errno`` has the reason.
     """
     deadline = time.monotonic() + patience_s
     while True:
@@ -98,14 +98,14 @@ def take(path: str, *, dtr: bool, rts: bool, device: Device | None = None) -> in
 
     Raises:
         OtherDevice: The path leads to another one than ``device``.
-        OSError: It cannot be had; ``errno`` says why.
+        OSError: It cannot be opened; ``errno`` has the reason.
     """
-    # Opening alone may reset what is there.
+    # Opening alone may reset the board.
     _check(path, os.stat(path), device)
     fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
         _check(path, os.fstat(fd), device)
-        # The kernel raises both lines at every open: back to what they shall be, at once.
+        # The kernel raises both lines at every open: set them at once.
         for line, raised in ((termios.TIOCM_DTR, dtr), (termios.TIOCM_RTS, rts)):
             _set_line(fd, line, raised=raised)
         fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -122,9 +122,9 @@ def _check(path: str, status: os.stat_result, device: Device | None) -> None:
 
 
 def _keep_out(fd: int) -> None:
-    """Keep those out who ask for no lock, until the port is closed.
+    """Lock out processes that ask for no lock, until the port is closed.
 
-    Not on a pseudo-terminal: there it lasts as long as the far end, so that an owner who was killed
+    Not on a pseudo-terminal: there it lasts as long as the far end, so that a killed owner
     would lock out every user but root, who alone could stop the (simulated) wheels.
     """
     if not is_pseudo(os.fstat(fd).st_rdev):
@@ -153,14 +153,14 @@ def _make_raw(fd: int, baudrate: int, *, hangup_on_close: bool) -> None:
     characters[termios.VMIN], characters[termios.VTIME] = 1, 0
     try:
         termios.tcsetattr(fd, termios.TCSANOW, [0, 0, control, 0, speed, speed, characters])
-        # What was left by others is neither ours to send nor news.
+        # Bytes that others left are neither ours to send nor new.
         termios.tcflush(fd, termios.TCIOFLUSH)
     except termios.error as error:
         raise OSError(*error.args) from error
 
 
 def _speak(fd: int, baudrate: int) -> bool:
-    """Send the first words one by one; whether the port held them up.
+    """Send the first words one by one; return whether the port held them up.
 
     Of a burst the board keeps the last frame only, which may be another dialect's.
     """

@@ -1,6 +1,6 @@
 """One connection to a board, from opening the port to closing it.
 
-The session opens the port and gets to know the board. Then the writer, the poller and the watch on
+The session opens the port and identifies the board. Then the writer, the poller and the watch on
 the port run; when one dies, so does the session, and its line stops the wheels itself, bounded in
 time. It never reconnects: the supervisor does.
 """
@@ -33,7 +33,7 @@ class SessionOptions(msgspec.Struct, frozen=True, kw_only=True):
         resend_s: The period at which the current velocity is repeated.
         still_ticks_per_s: Below it a wheel counts as standing.
         profile: The motors; a board that stores no type is sent it at each start.
-        battery_period_s: How often the voltage is asked for, where the dialect can; 0 for never.
+        battery_period_s: The period of requests for the voltage, if the dialect can; 0 for never.
     """
 
     dialect: str = "auto"
@@ -71,7 +71,7 @@ class Session:
         """Open, connect, and serve until cancelled or until the link fails.
 
         Raises:
-            LinkError: The port or the board is not to be had, or went away.
+            LinkError: The port or the board is not available, or went away.
             BoardError: The board is not one that can be driven.
         """
         options, port = self._options, await self._opener()
@@ -106,14 +106,14 @@ class Session:
 
     @property
     def report(self) -> StopReport | None:
-        """The outcome of the stop at the end; ``None`` where no stop was possible."""
+        """The outcome of the stop at the end; ``None`` if no stop was possible."""
         return None if self._line is None else self._line.report
 
     @property
     def left_standing(self) -> bool | None:
         """Whether the wheels were seen to stand when the session ended; ``None`` if unconcerned.
 
-        A port that was lost says nothing afterwards: what counts then is what was seen before.
+        A lost port reports nothing afterwards: then the last observation counts.
         """
         if self.report is not None:
             return self.report.doubt is None
@@ -143,7 +143,7 @@ class Session:
             on_reading=listener.reading,
             on_armed=listener.armed,
             port_name=line.port.name,
-            # Reports that come unasked prove nothing: they go on after a reset.
+            # Reports that come unasked prove nothing: they continue after a reset.
             unbroken=line.streaming and dialect.poll is None and not dialect.listen_ns,
             tap=self._tap,
         )

@@ -1,4 +1,4 @@
-"""The last words on a port: brake, watch until the wheels stand, release, and get it on the wire.
+"""The last frames on a port: brake, watch until the wheels stand, release, and drain.
 
 They are written on the port itself, past every queue of ours. Each waits until the one before is on
 the wire, because the board keeps only the last of a burst; a stop that was held up is sent again.
@@ -25,19 +25,19 @@ COAST_WITHIN_S = 1.0
 """The time that wheels which ignored the brake may roll on once the motors are let go."""
 
 GIVE_UP_S = 3.0
-"""The longest that all of it takes where the port does not send: stalls of 2 s are outlasted."""
+"""The longest that all of it takes if the port does not send: stalls of 2 s are outlasted."""
 
 UNIDENTIFIED_WITHIN_S = 1.0
 """The same, for the frames that stop a board whose dialect is not known."""
 
 RUNAWAY_TICKS_PER_S = 200.0
-"""A wheel that gains so much while it is braked, and a quarter more than it had, is cut at once."""
+"""A wheel that gains this while it is braked, and a quarter more than it had, is cut at once."""
 
 DRAIN_S = 0.2
 LOOK_NS = 2_000_000
 
 WINDOW_NS = 60_000_000
-"""Speed is judged over so long: six renewals of a board that streams, five steps of a slow poll."""
+"""The window of the speed: six renewals of a board that streams, five steps of a slow poll."""
 
 
 class StandstillWatch:
@@ -78,8 +78,8 @@ class StopReport(msgspec.Struct, frozen=True, kw_only=True):
     """The outcome of a stop.
 
     Attributes:
-        stood: The counters showed standstill in the end; ``None`` where they never came.
-        cut: The motors were let go because they did not obey the brake.
+        stood: The counters showed standstill in the end; ``None`` if they never came.
+        cut: The motors were released because they did not obey the brake.
         flushed: Everything was on the wire in the end.
         took_s: From the first stop frame to standstill, or to giving up.
         brakes: How often the brake was sent.
@@ -93,7 +93,7 @@ class StopReport(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def doubt(self) -> str | None:
-        """The reason to doubt that the wheels stand; ``None`` where there is none."""
+        """The reason to doubt that the wheels stand; ``None`` if there is none."""
         if not self.flushed:
             return "the port did not take all of it"
         if self.stood is None:
@@ -106,7 +106,7 @@ class _LastWords:
 
     Attributes:
         spacing_ns: The gap between frames.
-        gave_up: The port did not send in time: nothing that is written now can be relied on.
+        gave_up: The port did not send in time: later frames are unreliable.
     """
 
     def __init__(self, port: Port, clock: Clock, *, within_s: float) -> None:
@@ -122,7 +122,7 @@ class _LastWords:
         self._port.write(frame)
 
     async def sent(self) -> bool:
-        """Wait until it is on the wire and the board had time for it; whether it was held up."""
+        """Wait until it is sent and the board had time for it; return whether it was held up."""
         size, self._size = self._size, 0
         await self.pause(size * self._port.byte_ns + self.spacing_ns)
         if not self._port.queued():
@@ -136,7 +136,7 @@ class _LastWords:
         return True
 
     async def send(self, *frames: bytes) -> bool:
-        """Send frames, each by itself; whether any was held up."""
+        """Send frames, each by itself; return whether any was held up."""
         held = False
         for frame in frames:
             if not self.gave_up:
@@ -152,7 +152,7 @@ class _Watching:
     """Repeats a stop until the counters show that the wheels stand.
 
     Attributes:
-        said: How often.
+        said: The number of repeats.
     """
 
     def __init__(
@@ -168,7 +168,7 @@ class _Watching:
         """Repeat a stop that was sent once already, until the wheels stand.
 
         Args:
-            within_s: How long at most, from when it was on the wire.
+            within_s: The longest time, from when it was on the wire.
             again: It was held up: send it again at once.
 
         Returns:
@@ -195,7 +195,7 @@ class _Watching:
                 await words.pause(words.spacing_ns)
             now_ns = self._clock.now_ns()
             if held:
-                # The board may have had it in one burst, of which it keeps the last.
+                # The board may have had it in one burst, of which it keeps the last frame.
                 due_ns, deadline_ns, first = now_ns, now_ns + nanoseconds(within_s), None
             first = watch.speed if first is None else first
             if stop != dialect.cut and dialect.cut is not None and _runs_away(first, watch.speed):
@@ -204,7 +204,7 @@ class _Watching:
 
 
 async def stop_unidentified(port: Port, clock: Clock) -> bool:
-    """Stop a board whose dialect is not known: what each would obey, after its resync.
+    """Stop a board whose dialect is not known: the stop of each dialect, after its resync.
 
     Returns:
         Whether the port sent it, within :data:`UNIDENTIFIED_WITHIN_S`.
@@ -229,15 +229,15 @@ async def bring_to_rest(
     Bounded: 2 s, and :data:`GIVE_UP_S` besides on a port that does not send.
 
     Args:
-        port: The open port; what the board says must still reach ``watch``.
+        port: The open port; decoded counts must still reach ``watch``.
         let_go: The motors are without power already: a brake would start the board's speed loop
-            again, and there may have been a reason to let them go.
+            again, and there may have been a reason to release them.
     """
     brake = (dialect.cut or dialect.brake) if let_go else dialect.brake
     words = _LastWords(port, clock, within_s=GIVE_UP_S)
     start_ns = clock.now_ns()
     watch.reset()
-    # Half a frame may be in the board's ear, and would swallow the stop.
+    # Half a frame may be in the board's buffer, and would swallow the stop.
     words.write(dialect.resync + brake)
     held = await words.sent()
     watching = _Watching(words, clock, dialect, watch)
@@ -248,7 +248,7 @@ async def bring_to_rest(
         if not braked:
             until_ns = await watching.until_still(dialect.cut, COAST_WITHIN_S, again=held)
     await words.send(*dialect.disarm)
-    # A stop is the last word, and the last of a burst: sent again where it was held up.
+    # A stop is the last frame, and the last of a burst: it is sent again if it was held up.
     if await words.send(dialect.cut or dialect.brake):
         await words.send(dialect.cut or dialect.brake)
     if words.gave_up:
@@ -266,5 +266,5 @@ async def bring_to_rest(
 
 
 def _runs_away(first: float | None, now: float | None) -> bool:
-    """Braking makes it faster: a wheel whose encoder runs backward. Only the cut ends that."""
+    """Whether braking makes it faster: its encoder runs backward, and only the cut ends that."""
     return first is not None and now is not None and now > 1.25 * first + RUNAWAY_TICKS_PER_S

@@ -1,6 +1,6 @@
 """Storing settings on the board: one value at a time, each confirmed, the wheels at rest.
 
-An answer is no proof (some boards give none, and one that is lost looks like a failure), so every
+An answer is no proof (some boards give none, and a lost one looks like a failure), so every
 value is read back, and that decides. The board is deaf while it writes, and some flash chips store
 three of five values that come too fast: each is waited for.
 """
@@ -28,12 +28,12 @@ STORE_ATTEMPTS = 3
 
 
 class StoringStep(msgspec.Struct, frozen=True, kw_only=True):
-    """One value that was to be stored.
+    """One value to be stored.
 
     Attributes:
-        write: What was sent.
+        write: The frame that was sent.
         outcome: Read back as wanted; refused in words; or neither.
-        answer: The board's answer; empty where none came.
+        answer: The board's answer; empty if none came.
         took_s: From the first attempt until it was read back.
     """
 
@@ -62,7 +62,7 @@ class Storing(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Progress:
-    """Receives the progress of storing; override what is of interest."""
+    """Receives the progress of storing; override the calls of interest."""
 
     def begins(
         self, dialect: Dialect, writes: tuple[SettingWrite, ...], had: BoardSettings
@@ -80,16 +80,16 @@ async def store(
     progress: Progress | None = None,
     tap: Tap = NO_TAP,
 ) -> Storing:
-    """Store what differs, value by value.
+    """Store the values that differ, one by one.
 
     Args:
-        want: What the board shall store; None leaves a value alone.
+        want: The values that the board shall store; others are left alone.
 
     Raises:
         BoardStoresNothing: The board's dialect has no settings.
         BoardError: Its wheels are not seen to stand.
         ConfigError: A wanted value must never be stored.
-        LinkError: The port cannot be had, went away, or the board fell silent.
+        LinkError: The port cannot be opened, went away, or the board fell silent.
     """
     progress = progress or Progress()
     line = Line(await opener(), clock, tap=tap)
@@ -117,7 +117,7 @@ async def store(
 
 
 async def _stand(talk: Conversation, port: str) -> None:
-    """See the wheels stand, the motors let go and the streams off: nothing else goes on."""
+    """See the wheels stand, with the motors released and the streams off."""
     report = await talk.rest()
     if report.stood is not True:
         seen = "the wheels turn" if report.stood is False else "the counters do not come"
@@ -143,11 +143,11 @@ async def _store_one(
     while True:
         attempts += 1
         said: list[Decoded] = []
-        # A board says its settings twice, on two ports; lost gains make a long line of them.
+        # A board sends its settings twice, on two ports; lost gains make a long line of them.
         await sleep_until(clock, clock.now_ns() + talk.dialect.spacing_ns)
         await talk.request(write.frame, _answers(write, said), write.timeout_s)
         answer = _words(said) or answer
-        # Whatever it said: what it stores now is what counts.
+        # The answer does not decide: the stored value does.
         has = await _read(talk, want)
         if write not in settings_writes(talk.dialect.settings, has, want):
             outcome = "stored"

@@ -1,7 +1,7 @@
 """Bring the wheels to rest on a port whose owner is gone.
 
 The board holds the last command for ever, so the process that drove it may be long dead. This
-does not depend on anything that was known before: it stops the board that is there, identifies it,
+depends on no earlier knowledge: it stops the board that is there, identifies it,
 and reads the counters until the wheels stand.
 """
 
@@ -22,9 +22,9 @@ class TakeoverReport(msgspec.Struct, frozen=True, kw_only=True):
     """The outcome of a stop on a port.
 
     Attributes:
-        dialect: The dialect of the board; None where none answered.
+        dialect: The dialect of the board; None if none answered.
         stood: The counters showed standstill; None if no counts came.
-        cut: The motors did not obey the brake, and were let go in full motion.
+        cut: The motors did not obey the brake, and were released in full motion.
         within_s: From the first stop frame until standstill was seen, or it was given up.
     """
 
@@ -41,7 +41,7 @@ async def take_over(port: Port, clock: Clock, *, spoken_ns: int | None = None) -
 
     Args:
         port: The open port; it is closed in the end.
-        spoken_ns: When the stop of an unknown board was sent on this port; None: not yet.
+        spoken_ns: When the stop of an unknown board was sent on this port; None if not yet.
 
     Raises:
         PortLost: The port went away.
@@ -52,7 +52,7 @@ async def take_over(port: Port, clock: Clock, *, spoken_ns: int | None = None) -
         try:
             talk = await Conversation.begin(line, stop_first=spoken_ns is None)
         except BoardSilent:
-            # It may listen and not be heard: once more, besides the one at leaving.
+            # It may receive although it does not answer: once more, besides the one at leaving.
             await stop_unidentified(port, clock)
             return TakeoverReport(
                 port=port.name,

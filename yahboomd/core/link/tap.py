@@ -1,4 +1,4 @@
-"""A tap on a line: sees every byte in both directions, and what the line is.
+"""A tap on a line: sees every byte in both directions, and the events of the line.
 
 The black box of the daemon is one. A tap must not raise, block or wait.
 """
@@ -12,23 +12,23 @@ from yahboomd.core.model import EncoderReading
 
 
 class Tap(Protocol):
-    """Callbacks of a line, in the order in which things happen."""
+    """Callbacks of a line, in the order of the events."""
 
     @property
     def due(self) -> bool:
         """Whether :meth:`settled` is to be called."""
 
     def opened(self, port: str, byte_ns: int) -> None:
-        """A port was opened, which takes so long for a byte."""
+        """A port was opened; ``byte_ns`` is the time of a byte on its wire."""
 
     def received(self, data: bytes, now_ns: int) -> None:
-        """Bytes came in one read, at this moment; nothing was made of them yet."""
+        """Bytes came in one read, at this moment; they are not used yet."""
 
     def settled(self) -> None:
-        """Everything that came was made use of, and no part of a frame is left."""
+        """All input was used, and no part of a frame is left."""
 
     def noted(self, reading: EncoderReading) -> None:
-        """A reading follows of which its bytes do not show all: it was asked for, or has a flag."""
+        """A reading follows whose bytes do not show all of it: it was asked for, or has a flag."""
 
     def written(self, data: bytes) -> None:
         """Bytes were written."""
@@ -54,7 +54,7 @@ NO_TAP: Tap = _NoTap()
 
 
 class TappedPort:
-    """A port whose output is seen by a tap; input is seen by the line, which knows its moment."""
+    """A port whose output goes to a tap as well; the line itself passes the input to the tap."""
 
     def __init__(self, port: Port, tap: Tap) -> None:
         self._write = port.write

@@ -21,10 +21,10 @@ class VitalTasks:
 
     @contextlib.asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
-        """The tasks run as long as the body, and the body as long as all of them.
+        """Run the tasks as long as the body, and the body as long as all of them.
 
         Raises:
-            Exception: What ended them: a mistake of this program, or the first of other errors.
+            Exception: The error that ended them: a mistake of this program, or the first other one.
         """
         try:
             async with self._group:
@@ -66,7 +66,7 @@ def _cause(group: BaseExceptionGroup[BaseException]) -> BaseException:
 
 
 async def undisturbed(work: Coroutine[Any, Any, None]) -> None:
-    """Finish ``work``, which is bounded in time, however often the caller is cancelled."""
+    """Finish ``work``, which is bounded in time, even if the caller is cancelled."""
     task = asyncio.ensure_future(work)
     disturbance: asyncio.CancelledError | None = None
     while not task.done():

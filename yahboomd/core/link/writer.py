@@ -1,15 +1,15 @@
 """The first of the two coroutines that share the stream: it drains the outbox.
 
-One command is in flight at a time, since a board may keep no more than one: after a frame the line
-is closed until its bytes are out and the dialect's spacing is over. Where it has an
+One command is in flight at a time, because a board may keep no more than one: after a frame the
+line is closed until its bytes are out and the dialect's spacing is over. If the frame has an
 answer, other questions wait until that came or is overdue, and velocities until the board can take
-one: an answer that does not come must not delay a robot that is to brake. A frame that finds the
-line free is written at once, by its caller; the coroutine sees to those that had to wait
-and to what is repeated.
+one: a missing answer must not delay a robot that is to brake. A frame that finds the
+line free is written at once, by its caller; the coroutine handles those that had to wait
+and the repeats.
 
-Nothing is written while the system still holds bytes of an earlier frame: what is queued there
+Nothing is written while the system still holds bytes of an earlier frame: a queued frame
 cannot be taken back, so that a stop would wait behind all of it. Velocities wait in their slot, the
-newest wins, and a stop has one frame before it at most, however slowly the port sends.
+newest wins, and a stop has one frame before it at most, even if the port sends slowly.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Spacing(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         frame_ns: From the last byte of a frame to the first of the next.
-        question_ns: From that of a question to a velocity, where no answer came before.
+        question_ns: From that of a question to a velocity, if no answer came before.
         answer_ns: From the end of an answer to the next frame.
     """
 
@@ -44,11 +44,11 @@ class Spacing(msgspec.Struct, frozen=True, kw_only=True):
 
 UNANSWERED = 256
 """More questions than are asked until a silent board is given up: answers that were held back for
-so long come all at once, in their order."""
+this time come all at once, in their order."""
 
 HELD_BACK_NS = 100_000_000
 LATEST_ANSWER_NS = 300_000_000
-"""No answer is later than that, however busy this machine is; those questions are forgotten."""
+"""No answer is later than that, even on a busy machine; those questions are forgotten."""
 
 
 class Writer:
@@ -60,9 +60,9 @@ class Writer:
     Attributes:
         spacing: As given; the dialect's own, once it is known.
         resync: Sent before each speed and each stop, which half a frame would swallow.
-        closed: Nothing is written: whatever waits, the last words are the line's.
+        closed: Nothing is written: the last frames are the line's.
         on_sent: Called with its lane when a frame is written to the port.
-        on_slow: Called once, with the bytes per second, where the port sends slower than its rate.
+        on_slow: Called once, with the bytes per second, if the port sends slower than its rate.
     """
 
     def __init__(
@@ -102,14 +102,14 @@ class Writer:
         self.on_slow: Callable[[float], None] = lambda _bytes_per_s: None
 
     def status_values(self) -> dict[str, int]:
-        """Its counters, and how many velocities another one replaced before they went out."""
+        """Its counters, and the number of velocities that were replaced before they went out."""
         return {**self.counters, "velocities_replaced": self._outbox.replaced}
 
     def set_resend(self, resend_ns: int) -> None:
         """Send the current velocity more or less often."""
         self._outbox.resend_ns = resend_ns
 
-    # What others ask for; each is written at once where the line is free.
+    # Requests of others; each is written at once if the line is free.
 
     def velocity(self, frame: bytes) -> None:
         """Send this velocity, and repeat it until another replaces it."""
@@ -132,7 +132,7 @@ class Writer:
         """Ask for the counters, as soon as the previous question is answered or overdue.
 
         Returns:
-            ``False`` where a question waits already: a line that is slower than the schedule is
+            ``False`` if a question waits already: a line that is slower than the schedule is
             kept busy by one that waits, and more would be stale when they go.
         """
         if not self._outbox.poll(frame):
@@ -147,7 +147,7 @@ class Writer:
         self._pump()
 
     async def request(self, frame: bytes, answered: Answers, timeout_s: float) -> bool:
-        """Send a frame and wait until ``answered`` says that its answer is complete.
+        """Send a frame and wait until ``answered`` accepts its complete answer.
 
         Returns:
             Whether the answer came in time, counted from the frame's last byte.
@@ -172,10 +172,10 @@ class Writer:
                 self._flight_until_ns = None
 
     def receive(self, decoded: Decoded, received_ns: int | None = None) -> None:
-        """Note what came from the board: it may be what a frame waits for.
+        """Note a decoded item of the board: a frame may wait for it.
 
         Args:
-            received_ns: When it came, where that is not now.
+            received_ns: When it came, if that is not now.
         """
         if isinstance(decoded, Totals):
             if self._polled_until_ns is not None:
@@ -184,7 +184,7 @@ class Writer:
                 self._polled_until_ns = None
                 if overdue:
                     self.counters["polls_unanswered"] += 1
-                    # This process may not have run: what the counts lead to goes first.
+                    # This process may not have run: the consequences of the counts go first.
                     self._wake.set()
                 elif self._outbox.waits(max(now_ns, self._hold_ns)):
                     self._pump()
@@ -199,7 +199,7 @@ class Writer:
         if flight is not None and flight.answered(decoded):
             self._land(answered=True)
             if self._flight_alone:
-                # It may be the answer to an earlier question: this one has to be all there.
+                # It may be the answer to an earlier question: this one must be sent completely.
                 self._free_ns = (
                     max(self._clock.now_ns(), self._flight_end_ns) + self.spacing.answer_ns
                 )
@@ -209,10 +209,10 @@ class Writer:
         self._wake.set()
 
     def answered_poll_ns(self) -> int | None:
-        """The earliest moment at which counts that came were asked for. Called once for each.
+        """The earliest moment at which the arrived counts were requested. Called once for each.
 
-        Answers come in the order of the questions. One that was lost makes the moment too early for
-        a while, which errs on the safe side; one that came late does not make it too late.
+        Answers come in the order of the questions. A lost one makes the moment too early for
+        a while, which errs on the safe side; a late one does not make it too late.
         """
         asked = self._unanswered
         if not asked:
@@ -223,7 +223,7 @@ class Writer:
         if not asked:
             self._surplus_since_ns = None
         elif self._surplus_since_ns is None or now_ns - answered_ns >= HELD_BACK_NS:
-            # After a time without answers those that were held back come in one burst.
+            # After a time without answers the held ones come in one burst.
             self._surplus_since_ns = now_ns
         elif now_ns - self._surplus_since_ns >= LATEST_ANSWER_NS:
             asked.clear()
@@ -233,7 +233,7 @@ class Writer:
     # The coroutine.
 
     async def run(self) -> None:
-        """Send what waits, when the line allows it. Ends by being cancelled.
+        """Send waiting frames when the line allows it. Ends by being cancelled.
 
         Raises:
             PortLost: The port takes no output any more.
@@ -270,14 +270,14 @@ class Writer:
             if due_ns is None or due_ns > now_ns:
                 break
             if self._output.holds(now_ns):
-                # A stop, too, could only queue behind it.
+                # Even a stop could only queue behind it.
                 if not self._held:
                     self.counters["port_held"] += 1
                 self._held = True
                 self._free_ns = now_ns + 16 * self._port.byte_ns
                 break
             if self._held:
-                # What was held left this moment.
+                # The held bytes left just now.
                 self._held = False
                 self._notice_slowness()
                 self._free_ns = now_ns + self.spacing.frame_ns
@@ -303,7 +303,7 @@ class Writer:
                 self._flight_alone = True
                 self._hold_ns = end_ns + self.spacing.question_ns
             elif outgoing.lane is FrameLane.POLL:
-                # The board cannot answer before the question is all there.
+                # The board cannot answer before the question has arrived completely.
                 self.poll_heard_ns = end_ns
                 self._unanswered.append(end_ns)
                 self._hold_ns = end_ns + self.spacing.question_ns
@@ -313,7 +313,7 @@ class Writer:
         self._alarm.set(self._next_ns())
 
     def _ring(self) -> None:
-        # What is repeated goes out in the loop's iteration that the timer woke.
+        # Repeats go out in the loop's iteration that the timer woke.
         self._pump()
         if self._output.stuck(self._clock.now_ns()):
             self._wake.set()
@@ -344,7 +344,7 @@ class Writer:
         if next_ns is not None:
             held = asking and not self._outbox.stopping
             next_ns = max(next_ns, self._free_ns, self._hold_ns if held else 0)
-        # An answer to a poll is waited for only by another question; the next poll looks by itself.
+        # Only another question waits for the answer to a poll; the next poll checks by itself.
         polled_ns = self._polled_until_ns if self._outbox.questions else None
         for until_ns in (self._flight_until_ns, polled_ns):
             if until_ns is not None and (next_ns is None or until_ns < next_ns):
