@@ -213,6 +213,27 @@ async def test_control_c_shows_where_the_program_was_not_where_the_library_waite
     assert lines[-1] == "KeyboardInterrupt"
 
 
+async def test_the_program_of_the_readme_ends_silently_at_control_c_and_stops_the_robot(
+    fake_daemon: Any, tmp_path: Path
+) -> None:
+    daemon = await fake_daemon()
+    page = (Path(__file__).parents[2] / "README.md").read_text()
+    text = page.split("```python\n")[1].split("```")[0]
+    program = tmp_path / "circle.py"
+    program.write_text(text.replace("Robot() as", f'Robot("{daemon.endpoint}") as'))
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-u", program),
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.PIPE,
+    )
+    assert process.stdout is not None
+    await process.stdout.readline()
+    process.send_signal(signal.SIGINT)
+    _, said = await process.communicate()
+    assert (process.returncode, said) == (0, b"")
+    await eventually(lambda: daemon.velocities[-1] == ZERO)
+
+
 FORKED = """
 import os, sys, time
 from yahboomd.client import Robot

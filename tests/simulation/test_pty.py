@@ -86,8 +86,9 @@ def unread(fd: int) -> int:
 
 
 async def eventually(condition: Callable[[], bool]) -> None:
-    while not condition():
-        await asyncio.sleep(0.005)
+    async with asyncio.timeout(60.0):
+        while not condition():
+            await asyncio.sleep(0.005)
 
 
 async def exchange(link: Path, question: bytes, answer: bytes) -> None:
