@@ -1,4 +1,4 @@
-"""``yahboomd drive``: drives the robot with the keyboard."""
+"""``yahboomd drive``: drives the robot with the keyboard or a gamepad."""
 
 from __future__ import annotations
 
@@ -30,7 +30,8 @@ USAGE = 2
 DESCRIPTION = """\
 Drive the robot with the keyboard, through a running daemon. Hold a key to drive; when you let go,
 the robot stops. (A terminal does not report when a key is let go: after the first press that
-takes up to 0.7 s.) The screen shows the robot's state, and the reason if it stands.
+takes up to 0.7 s.) The screen shows the robot's state, and the reason if it stands. With --gamepad
+a pad drives as well, while one of its shoulder buttons is held.
 """
 
 EPILOG = """\
@@ -43,8 +44,20 @@ keys:
   r                      release the emergency stop, or clear a fault
   q, Ctrl-C              quit; the robot stops
 
+gamepad, with --gamepad:
+  shoulder (LB or RB)    hold it to drive; let go, and the robot stops
+  left stick             forward and backward, turn; the right one goes sideways, on mecanum wheels
+  d-pad up, down         faster, slower
+  east (B, circle)       emergency stop
+  start                  release the emergency stop, or clear a fault
+  A pad that goes stops the robot, and is found again when it is back. One by radio whose link is
+  lost keeps its last state until the system notices, with Bluetooth for seconds: use a cable where
+  that matters.
+
 examples:
   yahboomd drive                                  the daemon on this machine
+  yahboomd drive --gamepad                        the first gamepad of this machine
+  yahboomd drive --gamepad /dev/input/event5
   yahboomd drive --linear 0.2 --connect tcp/192.168.1.5:7447
 
 exit status:
@@ -73,6 +86,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         default=1.0,
         help="turning speed to begin with, in rad/s (default: %(default)s)",
     )
+    parser.add_argument(
+        "--gamepad",
+        metavar="DEVICE",
+        nargs="?",
+        const="",
+        help="drive by a gamepad, too: by this input device, or by the first one that is there",
+    )
     add_source_option(parser, "cmd_vel/teleop")
     add_bus_options(parser)
     add_config_options(parser)
@@ -96,15 +116,15 @@ def run(args: argparse.Namespace) -> int:
     check_source(args)
     options = client_options(daemon_endpoints(args, config), config)
     teleop = Teleop(linear_m_s=args.linear, angular_rad_s=args.angular)
-    asyncio.run(_run(options, teleop, args.source))
+    asyncio.run(_run(options, teleop, args.source, args.gamepad))
     return os.EX_OK
 
 
-async def _run(options: BusOptions, teleop: Teleop, source: str) -> None:
+async def _run(options: BusOptions, teleop: Teleop, source: str, gamepad: str | None) -> None:
     from yahboomd.core.clock import SystemClock
     from yahboomd.tools.screens.driver import Driver
     from yahboomd.tools.screens.feed import Feed
 
     clock = SystemClock()
     async with Feed(options, clock, source=source, label="yahboomd drive") as feed:
-        await Driver(feed, teleop, clock, source).run()
+        await Driver(feed, teleop, clock, source, gamepad).run()

@@ -95,6 +95,7 @@ complete -c yahboomd -n '__yahboomd_at monitor' -l set -x -d 'change one key, ov
 complete -c yahboomd -n '__yahboomd_at drive' -s h -l help -d 'show this help message and exit'
 complete -c yahboomd -n '__yahboomd_at drive' -l linear -x -d 'speed to begin with, in m/s'
 complete -c yahboomd -n '__yahboomd_at drive' -l angular -x -d 'turning speed to begin with, in rad/s'
+complete -c yahboomd -n '__yahboomd_at drive' -l gamepad -x -d 'drive by a gamepad, too: by this input device, or by the first one that is there'
 complete -c yahboomd -n '__yahboomd_at drive' -l source -x -d 'the key to command on'
 complete -c yahboomd -n '__yahboomd_at drive' -l namespace -x -d 'name of the robot, short for --set zenoh.namespace=NAME'
 complete -c yahboomd -n '__yahboomd_at drive' -l connect -x -d 'where to reach the daemon or its router, such as tcp/192.168.1.5:7447'
