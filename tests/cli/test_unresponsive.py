@@ -14,7 +14,6 @@ from real_robot import wait_for
 from yahboomd.tools.stop.unresponsive import (
     listener,
     may_drive,
-    measured_ports,
     process_state,
     restarting,
     suspended,
@@ -69,19 +68,6 @@ def test_a_program_of_python_is_named_yahboomd_where_it_is_one(tmp_path: Path) -
         "held by yahboomd (pid 1), yahboomd (pid 2), python3 (pid 3), python (pid 4), cat (pid 1), "
         "yahboomd tune (pid 5), yahboomd's guard (pid 6)"
     )
-
-
-def test_ports_are_found_of_what_turns_wheels_without_a_daemon(tmp_path: Path) -> None:
-    for pid, command in ((1, "run"), (2, "tune"), (3, "probe"), (4, "setup")):
-        (tmp_path / str(pid) / "fd").mkdir(parents=True)
-        (tmp_path / str(pid) / "cmdline").write_text(f"/x/bin/yahboomd\0{command}\0")
-        for fd, path in ((0, "/dev/pts/9"), (7, f"/dev/ttyUSB{pid}"), (8, "/dev/null")):
-            (tmp_path / str(pid) / "fd" / str(fd)).symlink_to(path)
-    (tmp_path / "uptime").write_text("1")
-    assert sorted(measured_ports("", proc=str(tmp_path))) == ["/dev/ttyUSB2", "/dev/ttyUSB4"]
-    (tmp_path / "2" / "environ").write_text("A=b\0RUNTIME_DIRECTORY=/run/x:/run/y\0")
-    assert measured_ports("/run/x", proc=str(tmp_path)) == ["/dev/ttyUSB2"]
-    assert measured_ports("", proc=str(tmp_path)) == ["/dev/ttyUSB4"]
 
 
 def test_the_port_on_the_command_line_tells_which_daemon_is_meant(tmp_path: Path) -> None:

@@ -92,6 +92,7 @@ def run(args: argparse.Namespace) -> int:
     from yahboomd.core.clock import SystemClock
     from yahboomd.core.daemon.process import deadly
     from yahboomd.tools.port.own_port import opener_of, with_hints
+    from yahboomd.tools.port.stop_socket import stop_socket
     from yahboomd.tools.setup.outcome import next_steps, result
     from yahboomd.tools.setup.robot_file import as_toml, write_robot
     from yahboomd.tools.setup.setup_wizard import Wizard
@@ -111,7 +112,8 @@ def run(args: argparse.Namespace) -> int:
         )
         with contextlib.redirect_stdout(sys.stderr):
             overwrite = args.overwrite or (there and await may_overwrite(person, path))
-            found = await wizard.find(by_hand=args.by_hand)
+            async with stop_socket("setup", port, os.environ):
+                found = await wizard.find(by_hand=args.by_hand)
         write_robot(
             path,
             as_toml(

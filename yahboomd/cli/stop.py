@@ -61,8 +61,7 @@ daemon holds the port, the command opens it: it stops the board, watches its cou
 wheels stand, and lets its motors go.
 
 A stop that names nothing also ends every `setup` and `tune` of this machine, on whatever port and
-whatever daemon there is: they turn wheels and obey no emergency stop. --port ends the one that has
-that port.
+whatever daemon there is: each has a local socket, too. --port ends the one that has that port.
 """
 
 EPILOG = """\

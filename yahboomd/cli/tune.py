@@ -141,9 +141,14 @@ def run(args: argparse.Namespace) -> int:
 def _ended_by_signals(work: Callable[[], Awaitable[int]], tuning: TuneCommand) -> int:
     """Run it; a signal ends it, and the wheels are brought to rest on the way."""
     from yahboomd.cli.attended import until_signal
+    from yahboomd.tools.port.stop_socket import stop_socket
 
     async def attended() -> int:
-        status = await until_signal(work(), ENDINGS)
+        async def reached_by_stops() -> int:
+            async with stop_socket("tune", tuning.port, os.environ):
+                return await work()
+
+        status = await until_signal(reached_by_stops(), ENDINGS)
         if status > 128:
             tuning.say_ended(signal.Signals(status - 128).name)
         return status
@@ -163,7 +168,7 @@ class TuneCommand:
 
         self._args = args
         self._config = config
-        self._port = port
+        self.port = port
         self._place = place
         self._lines = InputLines()
         self._wrote = False
@@ -270,7 +275,7 @@ class TuneCommand:
         from yahboomd.tools.tune.saved import check_place
 
         if not self._args.dry_run:
-            check_place(self._place, self._port)
+            check_place(self._place, self.port)
 
     def _save(self, dialect: Dialect, settings: BoardSettings) -> None:
         from yahboomd.tools.tune.saved import SavedSettings, save
@@ -278,7 +283,7 @@ class TuneCommand:
         now = datetime.datetime.now(datetime.UTC)
         found = SavedSettings(
             made=f"{now:%Y-%m-%d %H:%M:%S}",
-            port=self._port,
+            port=self.port,
             dialect=dialect.name,
             settings=dict(settings),
         )

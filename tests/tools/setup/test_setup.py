@@ -286,7 +286,7 @@ async def pulsing(
     return robot, process
 
 
-@pytest.mark.parametrize("how", ["ctrl-c", "SIGTERM", "hang-up"])
+@pytest.mark.parametrize("how", ["ctrl-c", "SIGTERM", "hang-up", "yahboomd stop"])
 async def test_however_it_is_ended_in_a_pulse_the_wheels_stand_and_no_file_is_there(
     board, terminal, yahboomd, tmp_path, how
 ) -> None:
@@ -296,6 +296,12 @@ async def test_however_it_is_ended_in_a_pulse_the_wheels_stand_and_no_file_is_th
         assert await process.ended() == 130
     elif how == "SIGTERM":
         process.process.terminate()
+        assert await process.ended() == 143
+    elif how == "yahboomd stop":
+        stopped = await asyncio.to_thread(yahboomd, "stop", "--port", robot.port)
+        assert robot.stands()
+        assert stopped.returncode == 0, stopped.stderr
+        assert f"yahboomd setup` (pid {process.process.pid}) has {robot.port}" in stopped.stderr
         assert await process.ended() == 143
     else:
         process.hang_up()

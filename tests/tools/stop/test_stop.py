@@ -23,7 +23,7 @@ from yahboomd.core.link.port_identity import identify
 from yahboomd.core.link.port_note import PortNote
 from yahboomd.core.link.takeover import TakeoverReport
 from yahboomd.core.protocol.dialect import FramerCounters
-from yahboomd.tools.stop import stop_local, stop_port
+from yahboomd.tools.stop import stop_local
 from yahboomd.tools.stop.stop_port import describe
 from yahboomd.tools.stop.unresponsive import process_state
 
@@ -311,8 +311,7 @@ def test_a_broken_configuration_is_reported_once(
 
     monkeypatch.setattr(stop_local, "sockets", lambda _: [])
     monkeypatch.setattr(discovery, "choose", none_found)
-    # This test leaves alone other tunings on this machine, and a daemon at the default endpoint.
-    monkeypatch.setattr(stop_port, "measured_ports", lambda _: [])
+    # This test leaves alone a daemon at the default endpoint.
     endpoint = free_endpoint()
     monkeypatch.setattr(stop, "daemon_endpoints", lambda *_: (endpoint,))
     config = tmp_path / "config.toml"

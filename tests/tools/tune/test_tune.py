@@ -23,7 +23,7 @@ from yahboomd.core.errors import BoardError, PortBusy, Refused
 from yahboomd.simulation.motors import FAULTS
 from yahboomd.simulation.virtual_time import on_virtual_time
 from yahboomd.tools.port.own_port import with_hints
-from yahboomd.tools.stop import stop_port
+from yahboomd.tools.stop import stop_local, stop_port
 from yahboomd.tools.tune.procedure import SPARE_STEPS
 from yahboomd.tools.tune.saved import read_saved
 
@@ -161,7 +161,8 @@ def test_a_stop_that_names_no_port_ends_it_as_well(simulated_board, tune, monkey
     board = simulated_board()
     tuning = begun(tune, board)
     # Every other tuning of this machine is left alone by this test.
-    monkeypatch.setattr(stop_port, "measured_ports", lambda _folder: [board.port])
+    everywhere = stop_local.end_tools
+    monkeypatch.setattr(stop_local, "end_tools", lambda environ: everywhere(environ, board.port))
     (seized,) = stop_port.seize_measured_ports(None)
     os.close(seized.fd)
     assert tuning.end_by_itself() == 128 + signal.SIGTERM, tuning.output

@@ -8,13 +8,12 @@ from __future__ import annotations
 import copy
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from yahboomd.core.config.positions import key_lines
 from yahboomd.core.config.reading import read_named
 from yahboomd.core.config.values import Place, dotted
 from yahboomd.core.names import NOT_UTF8, is_utf8
@@ -27,6 +26,12 @@ LARGEST_FILE_BYTES = 1_000_000
 
 MOST_DOTS = 200
 """In a key."""
+
+LONGEST_STATEMENT = 200
+"""Lines of one value; no line is found behind a longer one."""
+
+_ENDS = ("", "\n]", "\n]]", '\n"""', "\n'''")
+"""The end of a statement: nothing, or on its first lines the end of its list or text."""
 
 _QUOTED = re.compile(
     r'"""(?:\\.|[^\\])*?(?:"""|\Z)|"(?:\\.|[^"\\\n])*"?'
@@ -233,3 +238,56 @@ def _explained(error: str, text: str) -> tuple[str, int]:
     words = f"not valid TOML: {error}: {written[:60]}"
     value = _BARE_TEXT.fullmatch(written)
     return words + (f'; text needs quotes: "{value["text"].strip()}"' if value else ""), line
+
+
+def key_lines(text: str) -> dict[Place, int]:
+    """The line (from 1) of every key, table and list entry of a valid TOML document.
+
+    ``tomllib`` does not report lines. It reads the file again, statement by statement, so there is
+    no second grammar. That takes many times as long: ask only when a line is to be shown.
+    """
+    lines: dict[Place, int] = {}
+    newest: dict[Place, int] = {}
+    table: Place = ()
+    start, statement = 1, ""
+    for number, line in enumerate(text.split("\n"), start=1):
+        statement += f"{line}\n"
+        for end in _ENDS:
+            try:
+                read = tomllib.loads(statement + end)
+            except (ValueError, RecursionError):
+                continue
+            if statement.lstrip().startswith("["):
+                table = _header(read, newest)
+                found = [table[:length] for length in range(1, len(table) + 1)]
+            else:
+                found = [(*table, *place) for place in _places(read)]
+            for place in found:
+                lines.setdefault(place, number)
+            if not end:
+                start, statement = number + 1, ""
+            break
+        if number - start > LONGEST_STATEMENT:
+            break
+    return lines
+
+
+def _header(read: object, newest: dict[Place, int]) -> Place:
+    """The table that ``[a.b]`` or ``[[a.b]]`` opens; in a list of tables, its newest entry."""
+    place: Place = ()
+    while isinstance(read, dict) and read:
+        ((key, read),) = read.items()
+        place = (*place, key)
+        if isinstance(read, list):
+            newest[place] = newest.get(place, -1) + 1
+        if place in newest:
+            place = (*place, newest[place])
+    return place
+
+
+def _places(value: object, place: Place = ()) -> Iterator[Place]:
+    if place:
+        yield place
+    items = value.items() if isinstance(value, dict) else ()
+    for key, item in enumerate(value) if isinstance(value, list) else items:
+        yield from _places(item, (*place, key))

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
+import signal
 from collections.abc import Iterable, Mapping, Sequence
 from glob import escape as glob_escape
 from glob import glob
@@ -22,8 +24,13 @@ from yahboomd.tools.stop.stop_witness import believed, holds, settled
 STATUS_WITHIN_S = 0.5
 ENGAGED_WITHIN_S = 1.5
 STOOD_WITHIN_S = 2.5
+STATUS = b"status\n"
 STOP = b"stop by yahboomd stop\n"
 """Any request but ``status`` engages; this one names the program that asks."""
+
+
+_TOOL = re.compile(r".*/stop-(setup|tune)[^/]*$")
+"""The socket of a tool that turns wheels without a daemon."""
 
 
 class DaemonChoice(NamedTuple):
@@ -68,6 +75,12 @@ class LocalDaemon(NamedTuple):
     ports: tuple[str, ...] = ()
     listen: tuple[str, ...] = ()
     uid: int | None = None
+
+    @property
+    def tool(self) -> str:
+        """``setup`` or ``tune`` if it is no daemon but one of them; else empty."""
+        found = _TOOL.match(self.socket)
+        return found[1] if found else ""
 
     @property
     def believed(self) -> bool:
@@ -150,7 +163,34 @@ class LocalStops:
 
 def find(environ: Mapping[str, str]) -> list[LocalDaemon]:
     """The daemons of this machine that this user may stop."""
-    talks = [Talk(path, b"status\n") for path in sockets(environ)]
+    return _answering([Talk(path, STATUS) for path in sockets(environ) if not _TOOL.match(path)])
+
+
+def end_tools(environ: Mapping[str, str], port: str = "") -> list[LocalDaemon]:
+    """End each `setup` and `tune` of this machine, or the one that has a port.
+
+    They stop their wheels first, for which this waits a moment.
+
+    Returns:
+        Those that were ended.
+    """
+    wanted = DaemonChoice(port)
+    asked = [Talk(path, STATUS) for path in sockets(environ) if _TOOL.match(path)]
+    for talk in asked:
+        talk.connect()
+        if talk.pid and wanted.fits(_robot(talk)):
+            # A suspended process obeys only once it continues.
+            with contextlib.suppress(OSError):
+                os.kill(talk.pid, signal.SIGCONT)
+    ended = [each for each in _answering(asked) if wanted.fits(each)]
+    talks = [Talk(tool.socket, STOP) for tool in ended]
+    converse(talks, lines=1, within_s=ENGAGED_WITHIN_S)
+    for talk in talks:
+        talk.close()
+    return ended
+
+
+def _answering(talks: Sequence[Talk]) -> list[LocalDaemon]:
     converse(talks, lines=1, within_s=STATUS_WITHIN_S)
     found = []
     for talk in talks:
@@ -165,7 +205,7 @@ def _identified(robot: LocalDaemon) -> LocalDaemon:
     """Ask a daemon again that did not send its name in time."""
     if not robot.silent:
         return robot
-    talk = Talk(robot.socket, b"status\n")
+    talk = Talk(robot.socket, STATUS)
     converse([talk], lines=1, within_s=STATUS_WITHIN_S)
     talk.close()
     return _robot(talk) if talk.lines else robot

@@ -11,7 +11,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from yahboomd.core.errors import LinkError, PortBusy
@@ -22,9 +22,8 @@ from yahboomd.core.program import pasteable, readable
 from yahboomd.tools.stop.unresponsive import (
     FROZEN,
     is_guard,
-    measured_ports,
-    measuring,
     process_state,
+    serial_ports,
     true_names,
     unresponsive,
 )
@@ -32,6 +31,7 @@ from yahboomd.tools.stop.unresponsive import (
 if TYPE_CHECKING:
     from yahboomd.core.config import Config
     from yahboomd.core.link.takeover import TakeoverReport
+    from yahboomd.tools.stop.stop_local import LocalDaemon
 
 MEASURING_ENDS_WITHIN_S = 10.0
 """The time for ``setup`` and ``tune`` to stop the wheels, see them stand, restore the board's
@@ -194,36 +194,38 @@ def seize_port(
 
 def seize_measured_ports(config: Config | None) -> list[Seized]:
     """Seize the port of each `setup` and `tune` on this machine, which ends them."""
+    from yahboomd.tools.stop.stop_local import end_tools
+
     seized = []
-    for path in measured_ports(os.environ.get("RUNTIME_DIRECTORY", "").split(":")[0]):
+    for path in _ended(end_tools(os.environ)):
         try:
-            seized.append(seize_port(path, config, patience_s=0.0))
+            seized.append(seize_port(path, config, patience_s=MEASURING_ENDS_WITHIN_S))
         except LinkError as error:
             warn(str(error))
     return seized
 
 
 def _end_measuring(path: str) -> bool:
-    """End each `setup` or `tune` that holds a port, which stops its wheels.
-
-    They obey no emergency stop: no daemon runs beside them.
+    """End a `setup` or `tune` that has a port, over its stop socket, which stops its wheels.
 
     Returns:
         Whether the port will be free in a moment: a tool is being ended, or its guard has the port.
     """
     from yahboomd.core.link.port_errors import holders
+    from yahboomd.tools.stop.stop_local import end_tools
 
-    found = pids(holders(path))
-    ended = any(map(is_guard, found))
-    for pid in found:
-        if command := measuring(pid):
-            with contextlib.suppress(OSError):
-                os.kill(pid, signal.SIGTERM)
-                # A suspended process obeys only once it continues.
-                os.kill(pid, signal.SIGCONT)
-                warn(f"`yahboomd {command}` (pid {pid}) has {path}: it is ended.")
-                ended = True
-    return ended
+    guarded = any(map(is_guard, pids(holders(path))))
+    return bool(_ended(end_tools(os.environ, path))) or guarded
+
+
+def _ended(tools: Iterable[LocalDaemon]) -> list[str]:
+    """Report the tools that were ended; returns their ports."""
+    found = []
+    for tool in tools:
+        for path in tool.ports or serial_ports(tool.pid):
+            warn(f"`yahboomd {tool.tool}` (pid {tool.pid}) has {path}: it is ended.")
+            found.append(path)
+    return found
 
 
 def _explained(path: str, error: OSError, asked: tuple[str, ...]) -> LinkError:

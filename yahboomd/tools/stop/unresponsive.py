@@ -42,21 +42,6 @@ def is_guard(pid: int, *, proc: str = "/proc") -> bool:
     )
 
 
-def measured_ports(runtime: str, *, proc: str = "/proc") -> list[str]:
-    """The ports of each `setup` and `tune` on this machine, as far as this user may see.
-
-    Args:
-        runtime: ``RUNTIME_DIRECTORY``; tools with another one belong to other daemons.
-    """
-    running = (int(name) for name in os.listdir(proc) if name.isdigit())
-    return [
-        port
-        for pid in running
-        if measuring(pid, proc=proc) and runtime_directory(pid, proc=proc) == runtime
-        for port in serial_ports(pid, proc=proc)
-    ]
-
-
 def runtime_directory(pid: int, *, proc: str = "/proc") -> str:
     """``RUNTIME_DIRECTORY`` in the environment of a process; empty if it is not set."""
     try:

@@ -94,6 +94,7 @@ class LocalStop:
         engage: Engages the emergency stop, given who did; returns what was done.
         acknowledged: Given these words, returns the answer once the stop was sent and is on file.
         facts: Which robot this is, and its state.
+        name: Of the socket's file.
     """
 
     def __init__(
@@ -103,8 +104,10 @@ class LocalStop:
         engage: Callable[[str], str],
         acknowledged: Callable[[str], Awaitable[ServiceReply]],
         facts: Callable[[], dict[str, Any]],
+        name: str = NAME,
     ) -> None:
         self._folder = folder
+        self._name = name
         self._engage = engage
         self._acknowledged = acknowledged
         self._facts = facts
@@ -131,7 +134,7 @@ class LocalStop:
 
     async def _listen(self) -> None:
         self._listening = listening = await bounded(
-            lambda: listen(self._folder, NAME),
+            lambda: listen(self._folder, self._name),
             timeout_s=OPEN_WITHIN_S,
             name="local-stop",
             late=lambda late: late.close(),
