@@ -1,14 +1,14 @@
-"""Decides what a page may command.
+"""Decides which commands of a page are obeyed.
 
-- One page has control: a driver's page that asked for it. Where another page had it, the wheels are
+- One page has control: a driver's page that asked for it. If another page had it, the wheels are
   stopped first.
-- A command that asks for motion becomes one sample on the bus, or none: it is refused where its
-  beat is older than :data:`~yahboomd.web.beats.LAPSE_NS`. Nothing is repeated. A place of the map
-  that is held is such a command, and becomes a beat of its move.
-- A zero from the page in control always stops, however old its beat.
-- Where motion is refused, where the page falls silent in mid-motion, is displaced, or is closed,
-  the wheels get zeros for a second; then nothing, because a zero holds control of the robot.
-- After that a page has to let go first: motion is refused until a zero came from it.
+- A command for motion becomes at most one sample on the bus. It is refused if its beat is older
+  than :data:`~yahboomd.web.beats.LAPSE_NS`. Nothing is repeated. A held place of the map is such a
+  command, and becomes a beat of its move.
+- A zero from the page in control always stops, also with an old beat.
+- When motion is refused, or the page falls silent in mid-motion, loses control or is closed, the
+  wheels get zeros for a second; then nothing, because a zero holds control of the robot.
+- After that a page has to let go first: motion is refused until it has sent a zero.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from yahboomd.core.model import STANDSTILL, Twist2d
 from yahboomd.web.beats import LAPSE_NS, PERIOD_NS
 
 ZEROS_NS = 1_000_000_000
-"""For so long zeros follow motion."""
+"""How long zeros are sent after motion."""
 
 
 class Aim(msgspec.Struct, frozen=True, kw_only=True):
@@ -69,7 +69,7 @@ class PageCommands:
     """The commands of all pages.
 
     Args:
-        obstacle: The reason why no page can drive so now, if there is one.
+        obstacle: Returns the reason why no page can drive like this now, if there is one.
         changed: Called when another page has control, or none.
         lapsed: Called with the page that fell silent in mid-motion.
     """
@@ -121,10 +121,10 @@ class PageCommands:
         self._pressed.discard(page)
 
     def command(self, page: int, wanted: Wanted, age_ns: int | None) -> PageRefusal | None:
-        """Obey a command, or say why not.
+        """Obey a command, or return the reason why not.
 
         Args:
-            age_ns: How old its beat is; None where that is unknown.
+            age_ns: The age of its beat; None if it is unknown.
         """
         if wanted.is_zero:
             self._pressed.discard(page)
@@ -145,7 +145,7 @@ class PageCommands:
         return None
 
     def end(self) -> None:
-        """Stop what a page drives, and let none move anything any more."""
+        """Stop the robot if a page drives it, and refuse all motion from now on."""
         self._ended = True
         self._stop()
 
@@ -162,12 +162,12 @@ class PageCommands:
             return obstacle
         if age_ns is None or age_ns > LAPSE_NS:
             return PageRefusal(why="late", text=LATE, age_ns=age_ns)
-        # Of joystick and map one is held, and let go before the other one counts.
+        # Only one of joystick and map can be held: release it before the other one counts.
         other = self._moving is not None and not isinstance(wanted, self._moving)
         return LET_GO if other or page in self._pressed else None
 
     def _zero(self) -> None:
-        # The page repeats its zeros itself, for as long as they are good for.
+        # The page repeats its own zeros for that time.
         since_ns = None if self._moved_ns is None else self._clock.now_ns() - self._moved_ns
         if self._moving or (since_ns is not None and since_ns < ZEROS_NS + LAPSE_NS):
             if self._moving:

@@ -1,4 +1,4 @@
-"""The frames between page and server: JSON, one object in each of the page's, a list in ours."""
+"""The frames between page and server in JSON: the page's have one object each, ours a list."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from msgspec import Meta
 Role: TypeAlias = Literal["driver", "viewer"]
 
 MAX_BYTES = 2048
-"""Of a frame, and of the body of a request."""
+"""The most bytes of a frame, and of the body of a request."""
 
 _Place = Annotated[float, Meta(ge=-1e6, le=1e6)]
 _Speed = Annotated[float, Meta(gt=0.0, le=1000.0)]
@@ -48,7 +48,7 @@ class Control(msgspec.Struct, frozen=True, tag="control"):
     """The page wants control, or gives it back.
 
     Attributes:
-        if_free: It came with a touch, and takes no control from another page.
+        if_free: It came with a touch: control is not taken from another page.
     """
 
     want: bool
@@ -56,7 +56,7 @@ class Control(msgspec.Struct, frozen=True, tag="control"):
 
 
 class RequestFrame(msgspec.Struct, frozen=True, tag="request"):
-    """The page asks for something that is answered."""
+    """A request of the page, which is answered."""
 
     id: _Number
     do: str
@@ -72,7 +72,7 @@ class StopFrame(msgspec.Struct, frozen=True, tag="estop"):
 
 
 class Seen(msgspec.Struct, frozen=True, tag="seen"):
-    """The last beat that a page received, which sends no commands."""
+    """The last beat that a page without commands received."""
 
     beat: _Number
 
@@ -105,7 +105,7 @@ _encoder = msgspec.json.Encoder()
 
 
 def read_frame(text: str) -> PageFrame | None:
-    """What a page sent; None where it is nothing that a page sends."""
+    """Decode a page's frame; None if it is not a valid one."""
     try:
         return _decoder.decode(text)
     except (ValueError, RecursionError):

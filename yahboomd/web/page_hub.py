@@ -41,21 +41,21 @@ from yahboomd.web.robot_feed import RobotFeed, daemon_part
 
 MAX_PAGES = 64
 MAX_VIEWERS = 48
-"""Pages of viewers among them: people who drive find room, however many watch."""
+"""The most pages of viewers among them, so that drivers always find room."""
 
 MAX_REQUESTS = 4
-"""Requests of one page that are under way at once."""
+"""The most requests of one page at once."""
 
 EVENTS = 100
-"""Events that a page gets when it connects; the newest."""
+"""The number of newest events that a page gets when it connects."""
 
 STOP_S = 0.001
-"""A page's next frame waits so long after each of its emergency stops."""
+"""The delay of a page's next frame after each of its emergency stops."""
 
 NS_PER_MS = 1_000_000
 
 REFUSALS_NS = 200_000_000
-"""A page learns of a refused command five times a second."""
+"""The least time between two refusals reported to a page."""
 
 POLICY, FULL = 1008, 1013
 """Codes of a closed WebSocket: the page broke a rule; too many pages."""
@@ -115,7 +115,7 @@ class PageHub:
         """Follow the robot and send beats, until cancelled.
 
         Raises:
-            BusError: The robot can never be reached like this.
+            BusError: The endpoint, the namespace or the file cannot be used.
         """
         schedule = Schedule(self._clock, PERIOD_NS)
         beating = asyncio.create_task(schedule.run(self._beat), name="web-beat")
@@ -129,7 +129,7 @@ class PageHub:
             self._commands.close()
 
     def stop(self) -> None:
-        """Stop what a page drives; before the bus is closed."""
+        """Stop the robot if a page drives it; call this before the bus is closed."""
         self._commands.end()
         self.tools.stop()
 
@@ -171,7 +171,7 @@ class PageHub:
                 return
             frame = read_frame(text)
             if isinstance(frame, StopFrame):
-                # Before any limit; yet one who floods us with them leaves time for others.
+                # Before any limit; the pause leaves time for others if a page floods us with stops.
                 self._stop(page, frame)
                 await asyncio.sleep(STOP_S)
                 continue
@@ -245,7 +245,7 @@ class PageHub:
             return
         self.moves.let_go()
         self._aims = self._aims and wanted.is_zero
-        # A zero of the page's own would have control, and the next move had to wait for its end.
+        # Such a zero would hold control, and the next move would have to wait for its end.
         if not self._aims:
             self.robot.put(wanted)
 
@@ -295,7 +295,7 @@ class PageHub:
             found = await asyncio.shield(asked)
             page.queue(_answered(frame.id, ok=found.success, text=found.message))
 
-        # A page that repeats it without end gets no more answers than these.
+        # Limits the answers to a page that repeats it endlessly.
         if len(page.requests) < 4 * MAX_REQUESTS:
             self._begin(page, answer())
 
@@ -306,7 +306,7 @@ class PageHub:
         elif action is None:
             page.queue(_answered(request.id, ok=False, text="This server does not know that."))
         elif self._commands.driver not in {None, page.number}:
-            # Who drives relies on the pose and on the stop.
+            # The driver relies on the pose and on the stop.
             page.queue(_answered(request.id, ok=False, text=ANOTHERS))
         else:
             found = await action(request)

@@ -1,7 +1,7 @@
 """The move of the page in control: `yahboomd moves` drives it while a place of the map is held.
 
-Who may hold, and for how long, :class:`~yahboomd.web.page_commands.PageCommands` decides. Each
-message of the page that is held becomes one beat of the move; none is made here.
+:class:`~yahboomd.web.page_commands.PageCommands` decides who may hold, and for how long. Each
+message of a page that holds becomes one beat of the move; none is made here.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from yahboomd.web.page_frames import part
 from yahboomd.web.robot_feed import LABEL
 
 SPEED_M_S, TURN_RAD_S = 0.3, 1.5
-"""The fastest, as of every move that is asked for without a limit."""
+"""The largest speeds: the defaults of a move without limits."""
 
 NO_MOVES = PageRefusal(
     why="no_moves",
-    text="The robot goes to no place, because `yahboomd moves` does not run there: start that "
+    text="The robot cannot go to places, because `yahboomd moves` does not run there: start that "
     "service first.",
 )
 NO_POSE = "No pose came yet, so nothing was driven."
@@ -32,7 +32,7 @@ LET_GO = "You let go: the robot stops."
 
 
 class MovingRobot(Asking, Protocol):
-    """What a move of a page needs of its robot."""
+    """The methods of a robot that a page's move needs."""
 
     @property
     def pose(self) -> PoseSample | None: ...
@@ -45,10 +45,10 @@ class MovingRobot(Asking, Protocol):
 
 
 class PageMoves:
-    """At most one move, and what pages see of it.
+    """At most one move, and its state for pages.
 
     Args:
-        changed: Called when pages should see something else.
+        changed: Called when that state has changed.
     """
 
     def __init__(self, robot: MovingRobot, changed: Callable[[], None]) -> None:
@@ -65,11 +65,11 @@ class PageMoves:
         return part("move", **self._seen)
 
     def hold(self, aim: Aim) -> None:
-        """The page holds: begin its move, or keep it alive. Its place stays that of its begin."""
+        """The page holds: begin its move, or keep it alive. The goal stays the first one."""
         if self._aim is None:
             self._aim, self._begun = aim, False
             self._see(state="begins", x=aim.x, y=aim.y, turn=aim.turn)
-        # Zeros of the joystick's keep control for a moment, and would end the move.
+        # Zeros of the joystick hold control for a moment, and would end the move.
         if not self._begun and self._robot.driver != self._robot.source:
             self._begun = True
             driving = self._drive(self._aim, self._task)
@@ -88,7 +88,7 @@ class PageMoves:
             self._end("let_go", LET_GO)
 
     async def close(self) -> None:
-        """End it, and wait until that was asked for."""
+        """End it, and wait until the service was asked to end it."""
         self.let_go()
         if self._task is not None:
             await asyncio.wait([self._task])

@@ -51,16 +51,16 @@ SAMPLES: dict[str, tuple[str, type[msgspec.Struct]]] = {
 
 
 class RobotFeed:
-    """One robot: a session that comes and goes with the daemon, and what was learned over it.
+    """One robot: a session that comes and goes with the daemon, and the facts learned over it.
 
     Args:
-        changed: Called when the daemon comes, goes, or has said what robot it is.
+        changed: Called when the daemon comes, goes, or has sent its configuration.
 
     Attributes:
         known: The latest parts that hold until newer ones come, for a page that connects.
         limits: The fastest that the robot drives; empty while the daemon is not there.
-        barred: The reason why the daemon takes no commands from pages, by its configuration; empty
-            where it does, or is not known to.
+        barred: The reason why the daemon accepts no commands from pages, by its configuration;
+            empty if it accepts them, or if this is not known.
         pose: The newest pose; None while none came from this daemon.
     """
 
@@ -92,10 +92,10 @@ class RobotFeed:
         self._next_estop: asyncio.Task[Answer] | None = None
 
     async def run(self) -> None:
-        """Follow the robot until cancelled; a daemon that is not there is waited for.
+        """Follow the robot until cancelled; wait for a daemon if none is there.
 
         Raises:
-            BusError: It can never be reached like this: a wrong endpoint, namespace or file.
+            BusError: The endpoint, the namespace or the file cannot be used.
         """
         connection = self._connection
         await connection.open(math.inf)
@@ -104,7 +104,7 @@ class RobotFeed:
             self._publisher = bus.publisher(
                 self.source, encoding=ENCODING, priority="real_time", express=True
             )
-            # It asks nothing: it knows whether somebody would answer.
+            # It sends no queries, and only shows whether a service would answer.
             self._mover = bus.session.declare_querier(bus.key(START))
             bus.subscribe(keys.EVENTS, self._receive_events, max_bytes=MAX_BYTES)
             self._newest = {kind: Newest(bus, key) for kind, (key, _) in SAMPLES.items()}
@@ -173,14 +173,14 @@ class RobotFeed:
         return None
 
     def put(self, twist: Twist2d) -> None:
-        """Publish one command; dropped where the bus is not there."""
+        """Publish one command; dropped without a bus."""
         if self._publisher is None:
             return
         command = VelocityCommand(
             vx=twist.vx,
             vy=twist.vy,
             wz=twist.wz,
-            # A command that is held up behind this process is recognised by it, and refused.
+            # The daemon recognises by it a command that is delayed behind this process.
             stamp_ns=self._clock.wall_ns(),
             source=LABEL,
         )
@@ -205,10 +205,10 @@ class RobotFeed:
         return found
 
     def engage(self) -> asyncio.Task[Answer]:
-        """Engage the emergency stop; becomes the daemon's answer, or that none came.
+        """Engage the emergency stop; the task returns the daemon's answer, or that none came.
 
-        However many ask at once, one question is under way and one waits: the latter is sent after
-        all for whom it is. Wait for it with ``asyncio.shield``.
+        At most one query is under way and one waits, for any number of callers: the waiting one is
+        sent after all calls that share it. Wait for the task with ``asyncio.shield``.
         """
         if self._next_estop is None:
             self._next_estop = asyncio.create_task(self._ask_estop(self._estop), name="web-estop")
@@ -230,14 +230,14 @@ class RobotFeed:
         return await self.request(keys.ODOMETRY_RESET)
 
     async def set_pose(self, x: float, y: float, theta: float) -> Answer:
-        """Have odometry go on from this pose."""
+        """Make odometry continue from this pose."""
         wanted = SetPoseRequest(x=x, y=y, theta=theta)
         return await self.request(keys.ODOMETRY_SET_POSE, encode(wanted, "json"))
 
     async def request(
         self, key: str, payload: bytes = b"{}", *, timeout_s: float = ANSWER_S, urgent: bool = False
     ) -> Answer:
-        """Ask a service; what became of it, as a value."""
+        """Ask a service; return the outcome, also if it refuses."""
         if not self._connection.is_open:
             return Answer(success=False, message=self.problem, answered=0)
         bus = self._connection.bus
@@ -262,7 +262,7 @@ class RobotFeed:
             answer = await self.request(keys.CONFIG)
             if answer.answered:
                 break
-            # Without limits no page drives, and a busy machine may answer too late.
+            # Ask again: without limits no page drives, and a busy machine may answer late.
             await asyncio.sleep(ANSWER_S)
         if answer.success:
             self.limits = limits_of(answer.data)
@@ -289,18 +289,18 @@ class _Chassis(msgspec.Struct):
 
 
 class _InEffect(msgspec.Struct):
-    """The configuration in effect, as far as pages need it: its own models take 13 MB."""
+    """The part of the configuration that pages need: its own models would take 13 MB."""
 
     limits: _Limits
     chassis: _Chassis
 
 
 def limits_of(config: dict[str, Any]) -> dict[str, float]:
-    """The fastest that the robot drives, by its configuration in effect; empty where unknown."""
+    """The robot's speed limits, by its configuration in effect; empty if unknown."""
     try:
         known = msgspec.convert(config, _InEffect)
     except msgspec.ValidationError:
-        # Of another version.
+        # The configuration of another version.
         return {}
     linear, kinematics = known.limits.linear.velocity, known.chassis.kinematics
     # Another version may know more kinds of bases.
@@ -313,7 +313,7 @@ def limits_of(config: dict[str, Any]) -> dict[str, float]:
 
 
 def takes(config: dict[str, Any], source: str) -> bool:
-    """Whether a daemon of this configuration in effect takes commands on a key, or may do so."""
+    """Whether a daemon with this configuration accepts commands on a key, or may accept them."""
     command = config.get("command")
     sources = command.get("sources") if isinstance(command, dict) else None
     return not isinstance(sources, dict) or source in sources

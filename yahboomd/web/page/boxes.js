@@ -31,7 +31,7 @@ export function create({ live, connection }) {
       const answer = await fetch("/boxes");
       if (!answer.ok) return;
       const { boxes, problem } = await answer.json();
-      // One in memory changes all the time.
+      // A box in memory changes all the time: compare names and kinds only.
       const rows = JSON.stringify(boxes.map(({ name, kind }) => [name, kind]));
       if (rows !== shown) list.replaceChildren(...boxes.map(row));
       shown = rows;
@@ -65,7 +65,7 @@ export function create({ live, connection }) {
       const answer = await fetch(`/boxes/${name}/words`);
       const found = answer.ok ? await answer.json() : { why: await answer.text(), lines: [] };
       const lines = found.lines.map((each) => el("tr", { class: each.what }, el("th", { scope: "row" }, `${fixed(each.before_s, 2)} s`), el("td", {}, each.words)));
-      const table = el("table", {}, el("caption", {}, "What happened, in seconds before it was saved"), el("tbody", {}, ...lines));
+      const table = el("table", {}, el("caption", {}, "Events, in seconds before it was saved"), el("tbody", {}, ...lines));
       story.replaceChildren(el("p", { class: "question" }, found.why), ...(lines.length ? [table] : []));
     } catch {
       story.replaceChildren(el("p", { class: "error" }, "There is no connection to the robot."));

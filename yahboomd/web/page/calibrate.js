@@ -100,7 +100,7 @@ export function create(app) {
     watcher.hidden = live.newest("hello")?.role === "driver";
     running.hidden = !runs;
     end.hidden = !mine();
-    // It has its room from the beginning: nothing shifts under the thumb.
+    // Shown from the beginning, so that nothing shifts under the thumb.
     bar.hidden = now.question?.kind !== "hold";
     bar.value = now.progress ? (now.progress.part - 1 + now.progress.done) / now.progress.parts : 0;
     write(words, running.hidden ? "" : status(now));

@@ -1,4 +1,4 @@
-// What is to be calibrated, and by which numbers. The server knows the same names, and its own bounds.
+// The choice of a calibration and its numbers. The server has the same names, and its own bounds.
 
 import { el } from "./dom.js";
 
@@ -51,7 +51,7 @@ export class Choice {
   #inputs = new Map();
   #flags = new Map();
 
-  /** @param onStart Called with the method, and what was chosen by name. */
+  /** @param onStart Called with the method, and the chosen values by name. */
   constructor(onStart) {
     this.methods = METHODS.map((method) => el("button", { type: "button", onclick: () => this.#choose(method) }, method.title));
     this.words = el("p");

@@ -1,4 +1,4 @@
-// The counters of the status that grew: how far, how much of it in the last minute, and what each means.
+// The counters of the status that grew: the total, the growth in the last minute, and the meaning of each.
 
 import { el, write } from "./dom.js";
 
@@ -55,7 +55,7 @@ export class Counters {
     for (const group of ["link", "command", "bus"])
       for (const [name, value] of Object.entries(status[group] ?? {}))
         if (Number.isInteger(value) && this.#counts(group, name)) values.set(`${group}.${name}`, value);
-    // The daemon was started again: its counters begin at 0.
+    // After a restart of the daemon its counters begin at 0.
     const last = this.#history.at(-1)?.values;
     if (last && [...values].some(([name, value]) => value < (last.get(name) ?? 0))) this.#history = [];
     this.#history.push({ stamp: status.stamp_ns, values });

@@ -2,11 +2,11 @@
 // is known. Whatever ends it sends zero at once, zeros for a second, then nothing: a zero holds control.
 
 const PERIOD_MS = 50;
-const SPACING_MS = 20; // A finger moves more often than that; the server takes 100 messages a second.
+const SPACING_MS = 20; // A finger moves more often than that; the server accepts 100 messages a second.
 const ZEROS_MS = 1000;
-const STALLED_MS = 250; // This page did not run for so long: nothing that it held counts any more.
+const STALLED_MS = 250; // If this page did not run for this time, it no longer holds anything.
 const ZERO = { vx: 0, vy: 0, wz: 0 };
-const MOST = { vx: [100, "m/s"], vy: [100, "m/s"], wz: [1000, "rad/s"] }; // Out of all proportion beyond, NaN too.
+const MOST = { vx: [100, "m/s"], vy: [100, "m/s"], wz: [1000, "rad/s"] }; // Larger values, and NaN, are mistakes.
 
 export class Deadman {
   #velocity = null; // While held.
@@ -17,7 +17,7 @@ export class Deadman {
 
   /**
    * @param connection Carries the velocities.
-   * @param obstacle Returns why this page may not drive now, in words; "" where it may.
+   * @param obstacle Returns why this page may not drive now, in words; "" if it may.
    * @param onLetGo Called with the reason when the robot stops being driven; "" when the person let go.
    */
   constructor(connection, obstacle, onLetGo) {
@@ -29,7 +29,7 @@ export class Deadman {
     document.addEventListener("freeze", lose("The page was hidden."));
     addEventListener("pagehide", lose("The page was left."));
     addEventListener("blur", lose("The page lost the focus."));
-    // Under a finger that stays, every other place of the pad is another velocity.
+    // If the pad moves under a resting finger, the finger's place means another velocity.
     const moved = lose("The screen turned, or its size changed.");
     for (const type of ["resize", "orientationchange"]) addEventListener(type, moved);
     for (const type of ["resize", "scroll"]) globalThis.visualViewport?.addEventListener(type, moved);
@@ -41,7 +41,7 @@ export class Deadman {
     return this.#velocity !== null;
   }
 
-  /** Begin to drive, at a velocity that `move` changes; false, with the reason passed on, where it may not. */
+  /** Begin to drive, at a velocity that `move` changes; false, with the reason passed on, if it may not. */
   hold(velocity) {
     const why = document.hidden ? "The page is hidden." : excess(velocity) || this.obstacle();
     if (why) {
@@ -93,7 +93,7 @@ export class Deadman {
   }
 }
 
-/** Why a velocity cannot be meant, or "". It is refused, and not driven as fast as the robot can. */
+/** Why a velocity must be a mistake, or "". It is refused, not limited to the robot's speed. */
 function excess(velocity) {
   for (const [axis, [most, unit]] of Object.entries(MOST)) {
     if (axis in velocity && !(Math.abs(velocity[axis]) <= most))

@@ -15,7 +15,7 @@ export function el(tag, properties = {}, ...children) {
   return element;
 }
 
-/** Set a text only where it differs: a screen reader repeats what is written again. */
+/** Set a text only if it differs: a screen reader reads each newly set text aloud. */
 export function write(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }

@@ -80,7 +80,7 @@ function create(app) {
 
   slider.addEventListener("input", () => {
     writeLimit(slider.value);
-    // What a key that is held asked for came from the limit before.
+    // A held key still has the velocity of the old limit.
     deadman.letGo("The speed limit was changed.");
     show();
   });
@@ -109,7 +109,7 @@ function create(app) {
     return why || "Ready. Touch the pad to drive.";
   }
 
-  /** What the daemon says of another source that drives while this page would. */
+  /** The daemon's words on another source that has control while this page drives. */
   function refusal() {
     const driver = live.sample("status")?.driver;
     const own = live.newest("hello")?.source ?? "cmd_vel/web";
@@ -162,7 +162,7 @@ function readLimit() {
   try {
     return Math.max(10, Math.min(100, Number(localStorage.getItem(LIMIT)) || 40));
   } catch {
-    return 40; // Storage is refused to this page.
+    return 40; // The browser gives this page no storage.
   }
 }
 

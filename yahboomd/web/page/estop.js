@@ -4,7 +4,7 @@ import { write } from "./dom.js";
 
 const OFF = "Switch the motors' supply off.";
 const AGAIN_MS = 500;
-const GIVE_UP_MS = 1500; // Of one request: the next ones are under way by then.
+const GIVE_UP_MS = 1500; // The timeout of one request: the next ones are under way by then.
 
 export class Estop {
   #attempts = 0;
@@ -25,7 +25,7 @@ export class Estop {
     this.button.addEventListener("pointerdown", () => this.engage());
     this.button.addEventListener("click", () => performance.now() - this.#pressedAt > 1000 && this.engage());
     this.releaseButton.addEventListener("click", () => this.#release());
-    // Capture: before anything that the key would do to what has the focus.
+    // Capture: before the key acts on the focused element.
     addEventListener("keydown", (event) => this.#key(event), { capture: true });
     addEventListener("keyup", (event) => event.code === "Space" && !this.#types(event) && event.preventDefault(), { capture: true });
     for (const type of ["status", "hello", "control", "link"]) live.on(type, () => this.#show());

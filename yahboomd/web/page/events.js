@@ -1,4 +1,4 @@
-// Events in order, the newest first; those that were lost are named where they are missing.
+// Events in order, the newest first; lost ones are counted at their place.
 
 import { el, timeOf } from "./dom.js";
 
@@ -12,7 +12,7 @@ export class Events {
   constructor(live) {
     this.none = el("p", {}, "No event came yet.");
     this.element = el("div", {}, this.none, this.#list);
-    // Those that came before this page, oldest first; again after each reconnecting.
+    // Events from before this page connected, oldest first; sent again after each reconnection.
     live.on("events", ({ samples }) => samples.forEach((sample) => this.#add(sample)));
     live.on("event", ({ sample }) => this.#add(sample));
     live.on("lost", ({ count }) => this.#lost(count));

@@ -15,16 +15,16 @@ export class GoThere {
   #timer = 0;
   #turn = false;
   #lost = "";
-  #isNew = true; // The place: how the move before ended is no news of it.
+  #isNew = true; // The place is new: the end of an earlier move is not shown for it.
 
-  /** @param onChange Called when what is drawn on the map changes. */
+  /** @param onChange Called when the drawing on the map has to change. */
   constructor({ live, connection, onStop }, onChange) {
     this.live = live;
     this.connection = connection;
     this.onChange = onChange;
     this.isOpen = false;
     this.place = null; // In metres.
-    // The deadman of the joystick, with a place that is held in place of velocities.
+    // The deadman of the joystick, with a held place instead of velocities.
     this.deadman = new Deadman(
       { drive: (wanted) => (wanted.held ? connection.go(this.#wanted()) : connection.drive(wanted)) },
       () => (this.place ? this.#barred() : "Touch a place of the map first."),
@@ -60,7 +60,7 @@ export class GoThere {
     return this.isOpen && this.place ? { ...this.place, driven: false } : null;
   }
 
-  /** Stop what is held. */
+  /** Stop the held motion. */
   letGo(why = "") {
     this.#forget();
     this.deadman.letGo(why);
@@ -173,7 +173,7 @@ export class GoThere {
   }
 }
 
-/** What is left of a move, in words. */
+/** The rest of a move, in words. */
 function left({ left_m: metres, left_rad: radians, left_s: seconds }) {
   const turn = Math.abs((radians * 180) / Math.PI);
   const parts = [metres >= 0.005 && `${fixed(metres, 2)} m`, turn >= 0.5 && `${fixed(turn, 0)}°`].filter(Boolean);

@@ -27,7 +27,7 @@ export class HoldButton {
     button.addEventListener("keyup", (event) => event.code === "Enter" && this.#keyUp(""));
     button.addEventListener("blur", () => this.#keyUp("The button lost the focus."));
     document.addEventListener("pointerdown", (event) => this.#second(event), { capture: true });
-    // Of some keys together the release of one is never reported.
+    // With several keys down, a browser may not report the release of one.
     addEventListener("keydown", (event) => event.code !== "Enter" && this.#keyUp("Another key was pressed."), { capture: true });
   }
 
@@ -57,7 +57,7 @@ export class HoldButton {
 
   #keyDown(event) {
     if (event.code !== "Enter") return;
-    // A click is no hold.
+    // A click does not hold.
     event.preventDefault();
     if (event.repeat || this.#pointer !== null || this.#key || !this.onPress()) return;
     this.#key = true;

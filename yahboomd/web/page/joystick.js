@@ -2,9 +2,9 @@
 
 import { el } from "./dom.js";
 
-const DEAD = 0.08; // Of the radius: a thumb that rests drives nowhere.
+const DEAD = 0.08; // Share of the radius: a resting thumb does not drive.
 const BESIDE = "header, nav, footer, .drive > *"; // Their texts change while the pad is held.
-const SHIFT = 1; // Pixels that layout may round.
+const SHIFT = 1; // Pixels of rounding by the layout.
 
 export class Joystick {
   #pointer = null;
@@ -33,17 +33,17 @@ export class Joystick {
     pad.addEventListener("pointercancel", (event) => this.#end(event, "The touch was interrupted."));
     pad.addEventListener("lostpointercapture", (event) => this.#end(event, "The touch was interrupted."));
     pad.addEventListener("contextmenu", (event) => event.preventDefault());
-    // Where a second finger comes down, wherever it is, none of them counts.
+    // When a second finger comes down anywhere, none of them counts.
     document.addEventListener("pointerdown", (event) => this.#second(event), { capture: true });
   }
 
-  /** Show where the velocity is, from -1 to 1 right and up; also that of the keys. */
+  /** Show the velocity, from -1 to 1 right and up; also that of the keys. */
   show(x, y) {
     this.knob.style.setProperty("--x", x.toFixed(3));
     this.knob.style.setProperty("--y", (-y).toFixed(3));
   }
 
-  /** Whether the pad is not where it was pressed: the thumb now means another velocity than it did. */
+  /** Whether the pad has moved since it was pressed: the thumb now means another velocity. */
   get hasMoved() {
     if (this.#pointer === null) return false;
     const now = this.element.getBoundingClientRect();

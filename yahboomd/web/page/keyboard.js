@@ -1,4 +1,4 @@
-// Driving by keys, while they are held: arrows or W A S D, and Q E sideways where the base can do it.
+// Driving by keys, while they are held: arrows or W A S D, and Q E sideways if the base can do it.
 
 const KEYS = {
   ArrowUp: [0, 1, 0], KeyW: [0, 1, 0],
@@ -29,7 +29,7 @@ export class Keyboard {
     addEventListener("keydown", (event) => this.#press(event));
     addEventListener("keyup", (event) => this.#release(event.code));
     addEventListener("blur", () => this.drop());
-    // A menu and a drag take the keys without taking the focus: the release of one is never reported.
+    // A menu or a drag takes the keys but not the focus: the release of a key is then never reported.
     for (const type of ["contextmenu", "dragstart"]) addEventListener(type, () => this.held && this.#lose(), { capture: true });
   }
 

@@ -16,7 +16,7 @@ export class Live {
     for (const listener of this.#listeners.get(type) ?? []) listener(message);
   }
 
-  /** Forget a message: what it said holds no longer. */
+  /** Forget a message that is no longer true. */
   drop(type) {
     this.#newest.delete(type);
   }

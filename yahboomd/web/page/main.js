@@ -9,7 +9,7 @@ import { Views } from "./views.js";
 
 const live = new Live();
 const connection = new Connection(live);
-const app = { live, connection, onStop: new Set() }; // Whatever drives by a thumb lets go when the stop is pressed.
+const app = { live, connection, onStop: new Set() }; // Every control that a thumb holds lets go when the stop is pressed.
 
 const session = openSession(); // It takes the token out of the address before the views read it.
 app.estop = new Estop(connection, live, () => app.onStop.forEach((letGo) => letGo()));
@@ -21,5 +21,5 @@ try {
   if (problem) live.emit("problem", { text: problem });
   else connection.connect();
 } catch {
-  connection.connect(); // It says that there is no connection, and tries again.
+  connection.connect(); // It reports that there is no connection, and tries again.
 }

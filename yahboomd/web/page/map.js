@@ -75,7 +75,7 @@ function create(app) {
   function zoom(factor, [px, py] = [canvas.width / 2, canvas.height / 2]) {
     const [x, y] = toMetres([px, py]);
     view.scale = Math.min(NEAREST, Math.max(FARTHEST, view.scale * factor));
-    // The place under the fingers stays under them.
+    // Keep the place under the fingers.
     const [nowX, nowY] = toMetres([px, py]);
     pan(x - nowX, y - nowY, view.follow);
   }

@@ -3,9 +3,9 @@
 import { duration } from "./dom.js";
 
 const KNOWN = ["driving", "standing", "stopping", "estopped", "fault", "waiting"];
-const DELAY_GOOD_MS = 2500; // A delay that was measured longer ago than this says nothing.
+const DELAY_GOOD_MS = 2500; // A delay measured longer ago than this is ignored.
 
-/** Why not, or "". What a person can change comes last. */
+/** Why not, or "". Reasons that a person can change come last. */
 export function obstacle(connection, live) {
   const hello = live.newest("hello");
   if (!connection.isOpen || !hello) return "There is no connection to the robot's computer.";
@@ -29,7 +29,7 @@ export function obstacle(connection, live) {
   return control?.mine || control?.page_driver === null ? "" : "Another page has control of the robot.";
 }
 
-/** The newest delay there and back, in ms; 0 where none is known. */
+/** The newest round-trip delay, in ms; 0 if none is known. */
 export function delayOf(live) {
   return live.age("delay") < DELAY_GOOD_MS ? live.newest("delay").age_ms : 0;
 }

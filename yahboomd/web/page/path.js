@@ -1,11 +1,11 @@
 // The path of the robot: bounded, in pieces where the pose was set or jumped.
 
-const JUMP_M = 0.5; // Between two poses that came within a moment: a pose that was set.
+const JUMP_M = 0.5; // A larger step between two consecutive poses is a pose that was set.
 
 export class Path {
   #last = null;
 
-  /** @param capacity Points that are kept at most; beyond them every second one goes. */
+  /** @param capacity The most points; beyond it every second point is dropped. */
   constructor(capacity = 10_000) {
     this.capacity = capacity;
     this.clear();
@@ -17,11 +17,11 @@ export class Path {
     this.starts = new Uint8Array(this.capacity); // 1: a new piece begins here.
     this.length = 0;
     this.spacing = 0.005;
-    this.version = (this.version ?? 0) + 1; // Changes where points that were there are not any more.
+    this.version = (this.version ?? 0) + 1; // Changes when earlier points are removed.
     this.#last = null;
   }
 
-  /** The next pose begins a new piece: what lies between was not seen. */
+  /** The next pose begins a new piece: the way to it was not seen. */
   interrupt() {
     this.#last = null;
   }
@@ -49,7 +49,7 @@ export class Path {
       starts = 0;
       kept += 1;
     }
-    // Nothing but pieces: the older half goes.
+    // Single points only: drop the older half.
     if (kept === this.length) {
       kept >>= 1;
       for (const list of [this.x, this.y, this.starts]) list.copyWithin(0, this.length - kept, this.length);
@@ -75,7 +75,7 @@ export class Path {
     }
   }
 
-  /** The corners of what it covers: `[left, bottom, right, top]`; null where there is nothing. */
+  /** The bounding box, `[left, bottom, right, top]`; null if it is empty. */
   bounds() {
     if (!this.length) return null;
     const box = [Infinity, Infinity, -Infinity, -Infinity];

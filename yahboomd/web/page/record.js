@@ -1,13 +1,13 @@
-// Recordings: one runs at a time; those that are there are listed, downloaded and removed.
+// Recordings: one runs at a time; stored ones are listed, downloaded and removed.
 
 import { amount, clockTime, el, stamp, write } from "./dom.js";
 
 const AGAIN_MS = 3000;
 
 export function create({ live, connection }) {
-  let listed = null; // What the server said last.
+  let listed = null; // The server's latest answer.
   let problem = "";
-  let doubted = ""; // The recording that is about to be removed.
+  let doubted = ""; // The recording to remove, until it is confirmed.
 
   const driver = () => live.newest("hello")?.role === "driver";
   const now = () => live.newest("recording");

@@ -7,7 +7,7 @@
 export async function openSession() {
   const token = new URLSearchParams(location.hash.slice(1)).get("token");
   if (token !== null) {
-    // First of all: a token that stays in the address ends up in pictures and bookmarks.
+    // Do this first: a token in the address would end up in screenshots and bookmarks.
     history.replaceState(null, "", location.pathname);
     const answer = await fetch("/session", {
       method: "POST",

@@ -6,7 +6,7 @@ export class SetPose {
   /**
    * @param connection Asks the robot.
    * @param pose Returns the newest pose, or null.
-   * @param onChange Called when what is drawn on the map changes.
+   * @param onChange Called when the drawing on the map has to change.
    */
   constructor(connection, pose, onChange) {
     this.connection = connection;
@@ -23,7 +23,7 @@ export class SetPose {
     this.form = el(
       "form",
       { class: "setpose", hidden: true, onsubmit: (event) => this.#submit(event) },
-      el("p", {}, "Touch the map where the robot is, and drag the way it looks; or type."),
+      el("p", {}, "Touch the robot's place on the map, and drag in the direction that it faces; or type."),
       ...Object.entries(this.inputs).map(([name, input]) => el("label", {}, `${units[name]} `, input)),
       el("button", { type: "submit", class: "primary" }, "Set"),
       el("button", { type: "button", onclick: () => this.#fill({ x: 0, y: 0, theta: 0 }) }, "Zero"),

@@ -1,9 +1,9 @@
 // The connection to the server: beats, messages, requests, and reconnecting for ever.
 
-const SILENT_MS = 2000; // The server sends a beat every 50 ms: without one for so long, connect again.
-const BACKLOG_BYTES = 2000; // Commands that the network does not take are dropped: old ones are worth nothing.
+const SILENT_MS = 2000; // The server sends a beat every 50 ms: without one for this time, reconnect.
+const BACKLOG_BYTES = 2000; // Commands are dropped while the network is congested: old ones are useless.
 const ANSWER_MS = 5000;
-const TOOL_MS = 30_000; // A command is started for some of them.
+const TOOL_MS = 30_000; // Some tools start a command on the server.
 
 export class Connection {
   #socket = null;
@@ -19,7 +19,7 @@ export class Connection {
     this.live = live;
     setInterval(() => this.#check(), 1000);
     addEventListener("online", () => this.#hurry());
-    // A page that is frozen or kept in the cache of the browser holds no connection: the server sees it leave.
+    // A page that is frozen or kept in the browser's cache closes its connection, so that the server sees it leave.
     addEventListener("pagehide", () => this.#leave());
     document.addEventListener("freeze", () => this.#leave());
     addEventListener("pageshow", (event) => event.persisted && this.#hurry());
@@ -55,21 +55,21 @@ export class Connection {
     this.live.emit("link", { open: false });
   }
 
-  /** Send a velocity with the newest beat; false where it was not sent. */
+  /** Send a velocity with the newest beat; false if it was not sent. */
   drive({ vx, vy, wz }) {
     if (!this.isOpen || this.#beat === null || this.#socket.bufferedAmount > BACKLOG_BYTES) return false;
     this.#send({ type: "drive", beat: this.#beat, vx, vy, wz });
     return true;
   }
 
-  /** A place of the map is held, or a turn towards it; false where that was not sent. */
+  /** A place of the map is held, or a turn towards it; false if this was not sent. */
   go(place) {
     if (!this.isOpen || this.#beat === null || this.#socket.bufferedAmount > BACKLOG_BYTES) return false;
     this.#send({ type: "go", beat: this.#beat, ...place });
     return true;
   }
 
-  /** The button of a calibration's question is held; false where that was not sent. */
+  /** The button of a calibration's question is held; false if this was not sent. */
   hold(question) {
     if (!this.isOpen || this.#beat === null || this.#socket.bufferedAmount > BACKLOG_BYTES) return false;
     this.#send({ type: "hold", beat: this.#beat, question });
@@ -98,7 +98,7 @@ export class Connection {
     if (this.isOpen) this.#send({ type: "control", want: true, if_free: true });
   }
 
-  /** Ask for something to be done; resolves with the answer, `{ ok, text, data }`. */
+  /** Send a request; resolves with the answer, `{ ok, text, data }`. */
   request(what, args = {}) {
     return this.#ask({ type: "request", do: what, ...args });
   }

@@ -1,4 +1,4 @@
-// The wheels: what each was commanded, and what it did, over the last ten seconds.
+// The wheels: commanded and measured speed of each over the last ten seconds.
 
 import { Canvas, niceStep } from "./canvas.js";
 import { el, fixed, write } from "./dom.js";
@@ -57,7 +57,7 @@ function create({ live }) {
 
   function draw(canvas, context, width, height, index) {
     const newest = samples.at(-1).stamp_ns;
-    // One scale for all wheels: they are compared.
+    // One scale for all wheels, so that they can be compared.
     const most = Math.max(0.05, ...samples.flatMap(({ speed_m_s, command_m_s }) => [...speed_m_s, ...command_m_s].map(Math.abs)));
     const step = niceStep(most / 2);
     const reach = Math.max(step, Math.ceil(most / step) * step) * 1.05;
