@@ -27,9 +27,16 @@ INTEGRAL, DERIVATIVE = 0.075, 0.6
 TRANSPORT_S = 0.03
 """Until a command is on the wheels and their counts are back."""
 
-ROLL = 1.4
+ROLL = 1.25
 """The share of the way under way that a base may roll: at low speeds, where a board's measured
 speeds are coarse, it is more than the model has. Too much only makes the end a little slower."""
+
+LANDING, MOST_PER_S, FIRST_PER_S = 1.15, 10.0, 5.0
+"""At the end of a leg the speed is the rest of the way times so much, by the lag of a motor, and at
+most that: there the poses' steps and the errors of the models are as large as what is left."""
+
+LEARNED_S = 3.0
+"""So much driving shows which models fit; before it the ends are slower."""
 
 STEP_S = 0.01
 AHEAD_STEPS = 80
@@ -52,6 +59,7 @@ class _Wheels:
     """One model: the speeds of the base along its three axes, for a command."""
 
     def __init__(self, motor_s: float, gain: float) -> None:
+        self.motor_s = motor_s
         self._share = STEP_S / motor_s
         self._gain = gain
         self._integral = gain * INTEGRAL
@@ -119,6 +127,7 @@ class LagModel:
         self.rolls = (_roll(0.001), _roll(0.001), _roll(0.01))
         self._rest_s = 0.0
         self._window_s = 0.0
+        self._judged_s = 0.0
         self._seen: Way = [0.0, 0.0, 0.0]
         self._pose: Pose2d | None = None
 
@@ -154,6 +163,7 @@ class LagModel:
     def _judge(self) -> None:
         moved = math.hypot(*self._seen)
         if moved > LEAST_WAY:
+            self._judged_s += self._window_s
             keep = math.exp(-self._window_s / MEMORY_S)
             for model in self._models:
                 error = sum((a - b) ** 2 for a, b in zip(model.window, self._seen, strict=True))
@@ -172,6 +182,19 @@ class LagModel:
         pairs = zip(self._weights, self._models, strict=True)
         mean_s: float = sum(weight * model.lag_s for weight, model in pairs) / sum(self._weights)
         return TRANSPORT_S + mean_s
+
+    @property
+    def motor_s(self) -> float:
+        """The time constant of the motors; the slow ones of those that fit count most."""
+        pairs = zip(self._weights, self._models, strict=True)
+        square: float = sum(w * model.motor_s**2 for w, model in pairs) / sum(self._weights)
+        return math.sqrt(square)
+
+    @property
+    def landing_per_s(self) -> float:
+        """The speed towards the end of a leg, by the rest of its way."""
+        most = FIRST_PER_S if self._judged_s < LEARNED_S else MOST_PER_S
+        return min(most, LANDING / self.motor_s)
 
     @property
     def under_way(self) -> tuple[float, float, float]:

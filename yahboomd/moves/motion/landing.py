@@ -14,8 +14,9 @@ import msgspec
 PULSES = 12
 """Corrections, before the leg ends where the base stands."""
 
-STANDS_S = 0.12
-"""A base that did not move for this time stands."""
+STANDS_S, ENDS_S, ENDS = 0.12, 0.08, 0.9
+"""A base that did not move for this time stands. At its goal the second suffices, and so much of
+the lag of its motors: a slow one swings back."""
 
 LONGEST_S = 8.0
 """A landing that takes longer ends where the base is."""
@@ -28,12 +29,14 @@ class Tolerance(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         end: The largest error that is left.
+        near: The largest before the next leg of the same move, which corrects it.
         still: A base that moves by less stands.
         creep: The least speed towards the end: below it a wheel may not turn at all.
         pulse: The speed of a correction.
     """
 
     end: float
+    near: float
     still: float
     creep: float
     pulse: float
@@ -77,13 +80,14 @@ class Landing:
         self._began_at = 0.0
         self._kind = "landing"
 
-    def step(self, left: float, rolling: float, dt_s: float) -> float | None:
+    def step(self, left: float, rolling: float, dt_s: float, motor_s: float = 0.1) -> float | None:
         """The speed until the next step, negative for backward; None once it is over.
 
         Args:
             left: The rest of the leg.
             rolling: How much of it is under way by the model.
             dt_s: The time until the next step.
+            motor_s: The time constant of the motors.
         """
         self._since_s += dt_s
         if self._since_s > LONGEST_S:
@@ -94,9 +98,10 @@ class Landing:
         if abs(left - self._rested_at) > still or abs(rolling) > 2.0 * still:
             self._rested_at, self._rests_s = left, 0.0
         self._rests_s += dt_s
-        if self._rests_s < STANDS_S:
-            return 0.0
         end = self._tolerance.end
+        there = max(abs(left), abs(left - rolling)) <= end
+        if self._rests_s < (max(ENDS_S, ENDS * motor_s) if there else STANDS_S):
+            return 0.0
         if self._kind == "landing":
             # A little short is better than a little too far.
             self._rolls.learn("landing", 0.3 * end - left)

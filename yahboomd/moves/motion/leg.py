@@ -28,8 +28,16 @@ Axis: TypeAlias = Literal[0, 1, 2]
 
 LOOK_AHEAD_M = 0.12
 
-WAY = Tolerance(end=0.0013, still=0.0003, creep=0.012, pulse=0.035)
-TURN = Tolerance(end=math.radians(0.17), still=math.radians(0.09), creep=0.12, pulse=0.35)
+WAY = Tolerance(end=0.0013, near=0.0032, still=0.0003, creep=0.012, pulse=0.035)
+TURN = Tolerance(
+    end=math.radians(0.15),
+    near=math.radians(0.43),
+    still=math.radians(0.09),
+    creep=0.12,
+    pulse=0.35,
+)
+FREE = msgspec.structs.replace(WAY, near=0.0015)
+"""A turn in place that follows cannot correct what is left to the side."""
 
 ACROSS_PER_S = 4.0
 """Of an error across the course, and of the heading, for a base that moves sideways."""
@@ -125,7 +133,7 @@ class MoveLeg:
         if not self._last:
             return None
         rolling = self._way(*self._lag.under_way)
-        speed = self._landing.step(self.left(pose), rolling, dt_s)
+        speed = self._landing.step(self.left(pose), rolling, dt_s, self._lag.motor_s)
         return None if speed is None else self._twist(speed, predicted)
 
     def _towards(self, left: float, dt_s: float) -> float:
@@ -136,8 +144,13 @@ class MoveLeg:
             left=left,
             most=self._most(left),
             limits=self.limits,
+            landing_per_s=self._lag.landing_per_s,
         )
         return max(self._speed, min(self._tolerance.creep, left / dt_s))
+
+    def is_near(self, pose: Pose2d) -> bool:
+        """Whether what is left of it is little, and rolls out."""
+        return self._landed and abs(self.left(pose)) <= self._tolerance.near
 
     def is_short(self, pose: Pose2d) -> bool:
         """Whether it ended farther from its end than its tolerance, after all corrections."""
@@ -253,7 +266,7 @@ class FreeLeg(MoveLeg):
     ) -> None:
         begin, first = course.at(0.0), headings[0][1]
         sideways = abs(math.sin(begin.direction - first)) > math.sqrt(0.5)
-        super().__init__(limits, lag, tolerance=WAY, axis=1 if sideways else 0, last=last)
+        super().__init__(limits, lag, tolerance=FREE, axis=1 if sideways else 0, last=last)
         self._course = course
         self._headings = list(headings)
         self._caps = BendCaps(course, limits, turn)

@@ -137,7 +137,8 @@ class Mover:
             if self._leg is None:
                 self._leg = self._legs[self._number].drive(self._lag, last=self._is_last)
             twist = self._leg.step(pose, dt_s, hold=self._paused)
-            if twist is not None:
+            passes = self._is_passed and not self._paused and self._leg.is_near(pose)
+            if twist is not None and not passes:
                 return twist
             if self._leg.is_short(pose):
                 self._end_short(self._leg, pose)
@@ -157,6 +158,14 @@ class Mover:
             return True
         here, after = self._legs[self._number], self._legs[self._number + 1]
         return here.move != after.move or (here.course is not None) != (after.course is not None)
+
+    @property
+    def _is_passed(self) -> bool:
+        """Whether the next leg is one of the same move: it corrects what this one leaves."""
+        return (
+            self._number + 1 < len(self._legs)
+            and self._legs[self._number].move == self._legs[self._number + 1].move
+        )
 
     def _end_short(self, leg: MoveLeg, pose: Pose2d) -> None:
         planned = self._legs[self._number]

@@ -14,10 +14,6 @@ import msgspec
 HALVINGS = 24
 """Of the interval of accelerations in each step: to a ten-millionth of it."""
 
-LANDING_PER_S = 5.0
-"""The speed is at most so many times the rest of the way: at its end the poses' steps are as large
-as what is left, and a larger gain would answer them."""
-
 
 class SpeedLimits(msgspec.Struct, frozen=True, kw_only=True):
     """The limits of the speed along a course, in m and s, or in rad and s for a turn.
@@ -75,6 +71,7 @@ def next_speed(
     left: float,
     most: float,
     limits: SpeedLimits,
+    landing_per_s: float = math.inf,
 ) -> tuple[float, float]:
     """The speed for the next step, and its acceleration.
 
@@ -85,6 +82,7 @@ def next_speed(
         left: The rest of the way; none or less ends it within ``limits.braking``.
         most: The largest speed allowed here, such as in a curve.
         limits: Of the course.
+        landing_per_s: The speed is at most so many times the rest of the way.
     """
 
     def fits(change: float) -> bool:
@@ -92,7 +90,7 @@ def next_speed(
         gain = change * change / (2.0 * limits.jerk) if change > 0.0 else 0.0
         return (
             after + gain <= most
-            and after <= LANDING_PER_S * left
+            and after <= landing_per_s * left
             and after * dt_s + stop_distance(after, change, limits) <= left
         )
 
