@@ -44,7 +44,7 @@ COMMANDS = {
 """Every subcommand with its line in the help."""
 
 STANDARD_LISTEN = "tcp/127.0.0.1:7448"
-"""The endpoint where a daemon listens unless configured otherwise; commands connect to it."""
+"""The endpoint on which a daemon listens by default; commands connect to it."""
 
 _PASTED = re.compile(rf"(?<![\w/.-])yahboomd (?=(?:{'|'.join(COMMANDS)})\b)")
 

@@ -189,7 +189,7 @@ class BoxKeeper:
             async with asyncio.timeout(ANSWER_S):
                 outcome = await done
         except TimeoutError:
-            words = f"The disk took longer than {ANSWER_S:g} s so far: see the log."
+            words = f"The disk took longer than {ANSWER_S:g} s: see the log."
             return ServiceReply(success=False, message=words)
         if outcome.path is None:
             return ServiceReply(success=False, message=f"Not saved: {outcome.problem}.")

@@ -41,7 +41,7 @@ class BusPresence:
         self._admitted = admitted(bus.options)
 
     def announce(self) -> None:
-        """Declare the tokens, watch those of others, and log where the bus listens."""
+        """Declare the tokens, watch those of others, and log the endpoints of the bus."""
         bus = self._bus
         bus.token(keys.ALIVE)
         bus.token(keys.holder_key(keys.ALIVE, self._zid))

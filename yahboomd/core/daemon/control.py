@@ -493,7 +493,7 @@ class Controller:
 
     @property
     def faulty(self) -> bool:
-        """Whether a fault keeps the robot where it is until a person clears it."""
+        """Whether a fault keeps the robot from moving until a person clears it."""
         return self._fault() is not None
 
     def _fault(self) -> Hold | None:

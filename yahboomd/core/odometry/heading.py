@@ -447,7 +447,7 @@ class _Rest:
     Attributes:
         zero: The bias that it showed before.
         pending: Variance for an even rate that may be a turn, while undecided, rad^2.
-        turned: The turn so far, if the rate is one, radians.
+        turned: The turn until now, if the rate is one, radians.
         granted: The variance that the heading has for it.
         shown: The latest even rate that differs from the bias.
     """

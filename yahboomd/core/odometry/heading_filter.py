@@ -50,8 +50,8 @@ class HeadingFilter:
     """The states, and their covariance.
 
     Attributes:
-        doubt: How badly the measurements so far fit: minus their log-likelihood, up to a constant
-            for each step.
+        doubt: How badly all measurements fit: minus their log-likelihood, up to a constant for each
+            step.
         slipped: Whether wheels and gyro disagreed at the latest step.
     """
 

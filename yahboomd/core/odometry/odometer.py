@@ -393,7 +393,7 @@ class Odometer:
         return self._heading.variance if self._fused and self._heading.present else None
 
     def _stray(self, verdict: Verdict, instant: Instant) -> None:
-        """Take a step to where no wheel was heading; a second one takes the first one back.
+        """Take a step that no wheel was heading for; a second one takes the first one back.
 
         A garbled reading that was believed for want of others makes two such steps, there and back.
         Counted one by one they would leave the base beside its way, because it seems to have turned

@@ -1,7 +1,7 @@
 """Counts to speeds.
 
 Law: a speed is counts over whole time on the board, over the shortest window that shows it. One
-count in 10 ms is already 16 mm/s, so slow motion needs a longer window than fast motion: it grows
+count in 10 ms is already 16 mm/s: slow motion needs a longer window than fast motion. It grows
 backwards until the busiest motor has 32 counts in it, or it is 100 ms long. The speed belongs to
 the middle of the window.
 

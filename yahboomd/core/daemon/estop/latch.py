@@ -287,5 +287,5 @@ class EstopLatch:
         self._keeper.engage(latched.by)
         return Release(
             released=False,
-            message="Still engaged: its file cannot be removed; the log says why.",
+            message="Still engaged: its file cannot be removed; see the log.",
         )

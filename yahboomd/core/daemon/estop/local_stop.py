@@ -1,7 +1,7 @@
 """Stopping over a local socket, which needs no Zenoh session and waits behind none.
 
-One connection, one request: a line with a word in, lines of JSON out. ``status`` says which robot
-this is; whatever else comes engages the emergency stop, as on the bus. Bytes, connections and
+One connection, one request: a line with a word in, lines of JSON out. ``status`` returns which
+robot this is; any other request engages the emergency stop, as on the bus. Bytes, connections and
 their time are bounded, so that no local flood locks a stop out. One descriptor is kept for the
 connection that comes when all others are taken.
 """
@@ -39,20 +39,20 @@ MAX_SILENT = 16
 """Connections that have not asked yet; one more closes the oldest."""
 
 MAX_WATCHING = 32
-"""Connections that wait for what comes of it; one more learns only that the stop is engaged."""
+"""Connections that wait for the outcome; one more learns only that the stop is engaged."""
 
 ACCEPTS = 32
-"""In one iteration of the loop, so that a flood of connections does not starve the rest; more than
-those who flood make room for in the queue."""
+"""Connections accepted in one iteration of the loop, so that a flood does not starve the rest; more
+than those who flood make room for in the queue."""
 
 OPEN_WITHIN_S = 2.0
 REQUEST_WITHIN_S = 1.0
 STAND_WITHIN_S = 2.0
 LOOK_S = 5.0
-"""From one look whether programs still find the socket to the next."""
+"""The period of the check that programs still find the socket."""
 
 PAUSE_S = 0.1
-"""After connections could not be accepted, such as for want of descriptors."""
+"""The pause after connections could not be accepted, such as for want of descriptors."""
 
 SAMPLES = 3
 """The readings in a row that must show standing wheels."""
@@ -78,7 +78,7 @@ class _Watch:
 
 
 class _Connection:
-    """A connection that has not asked yet."""
+    """A connection without a request yet."""
 
     def __init__(self, sock: socket.socket, peer: Peer) -> None:
         self.sock = sock
@@ -120,7 +120,7 @@ class LocalStop:
         self._attending: asyncio.Task[None] | None = None
 
     async def open(self) -> None:
-        """Listen; without the socket the daemon goes on, and logs it."""
+        """Listen; if that fails the daemon goes on, and logs it."""
         try:
             await self._listen()
         except (OSError, TimeoutError) as error:
@@ -143,7 +143,7 @@ class LocalStop:
         asyncio.get_running_loop().add_reader(listening.sock, self._accept, listening)
 
     async def _attend(self) -> None:
-        """Listen again where the folder was removed, as at the end of its user's last session."""
+        """Listen again if the folder was removed, as at the end of its user's last session."""
         while True:
             await asyncio.sleep(LOOK_S)
             with contextlib.suppress(OSError, TimeoutError):
@@ -178,7 +178,7 @@ class LocalStop:
                 watch.observe(fastest_m_s)
 
     def status_values(self) -> dict[str, Any]:
-        """For the status: where the socket is, and what became of connections."""
+        """For the status: the path of the socket, and counts of connections."""
         path = "" if self._listening is None else readable(str(self._listening.path))
         names = ("stops", "refused", "dropped")
         return {"local_socket": path} | {f"local_{name}": self._counters[name] for name in names}
@@ -253,7 +253,7 @@ class LocalStop:
         loop.add_reader(sock, self._read, connection)
         if len(self._silent) > MAX_SILENT:
             oldest = next(iter(self._silent))
-            # What it has sent by now counts.
+            # Its request may have arrived by now.
             self._read(oldest)
             if oldest in self._silent:
                 self._decide(oldest)
@@ -281,7 +281,7 @@ class LocalStop:
             self._end(sock)
         else:
             peer = connection.peer
-            # First of all.
+            # Before everything else.
             words = self._engage(f"{_program(asked)} ({_user(peer)}, pid {peer.pid})")
             self._counters["stops"] += 1
             if len(self._tasks) >= MAX_WATCHING:

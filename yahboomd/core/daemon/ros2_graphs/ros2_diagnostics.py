@@ -16,7 +16,7 @@ _LEVELS: dict[str, int] = {
     "stopping": OK,
     "estopped": WARN,
     "fault": ERROR,
-    # Nothing is known of the base: neither where it is nor whether it stands.
+    # Nothing is known of the base: neither its place nor whether it stands.
     "waiting": STALE,
 }
 
@@ -108,7 +108,7 @@ def _commands(sample: StatusSample, type_warnings: Mapping[str, str]) -> tuple[i
     if warnings:
         return WARN, " ".join(f"{source}: {words}" for source, words in warnings)
     accepted = _count(sample.command, "accepted")
-    return OK, f"{accepted} commands were obeyed so far."
+    return OK, f"{accepted} commands were obeyed."
 
 
 def _values(facts: Group, group: str = "") -> Iterator[tuple[str, str]]:

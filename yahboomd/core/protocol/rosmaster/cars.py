@@ -166,7 +166,7 @@ def body(car: Car, kinematics: Kinematics, motors: tuple[Motor, ...], *, scale: 
             raise BoardError(
                 f"The board is set to car type {car.name}, which drives no motor at "
                 f"M{motor.position}, where {motor.name} is.",
-                remedy="Set chassis.motors to where the motors are plugged in.",
+                remedy="Set chassis.motors to the connectors of the motors.",
             )
         mm_s = car.turn_mm / car.turn_counts / motor.metres_per_tick * scale * motor.command_sign
         targets[motor.position] = [mm_s if wheel == motor.wheel else 0.0 for wheel in wheels]
