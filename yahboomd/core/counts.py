@@ -3,7 +3,7 @@
 Law: a speed is counts over the longest time that they can have taken. If the moment of each
 reading is known, that is the mean speed; if only a span is known, it is a lower bound.
 
-A line without a checksum garbles a digit now and then, and the result may look like travel.
+A line without a checksum sometimes garbles a digit, and the result may look like travel.
 One such reading makes every speed wrong that begins or ends at it; the median of the speeds between
 all pairs of readings (H. Theil, *A rank-invariant method of linear and polynomial regression
 analysis*, 1950; P. K. Sen, 1968) stays right if a quarter of them is garbled.

@@ -50,7 +50,7 @@ _PASTED = re.compile(rf"(?<![\w/.-])yahboomd (?=(?:{'|'.join(COMMANDS)})\b)")
 
 
 def readable(text: str) -> str:
-    """The text without control characters, but for line ends and tabs.
+    """The text without control characters, except line ends and tabs.
 
     Boards, other clients of the bus and file names contribute to printed and logged texts.
     """

@@ -39,7 +39,7 @@ class Finding:
         place: The key to change.
         words: The contradiction, and what to write instead.
         beside: The other keys that were compared.
-        is_warning: Whether the configuration can be used all the same.
+        is_warning: Whether the configuration can still be used.
     """
 
     place: Place

@@ -301,7 +301,7 @@ def inline(value: object) -> str:
         case bool():
             return "true" if value else "false"
         case str():
-            # TOML's basic strings are JSON's, but for one character.
+            # TOML's basic strings are JSON's, except for one character.
             return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
         case dict():
             pairs = [f"{_name(str(key))} = {inline(item)}" for key, item in value.items()]

@@ -122,7 +122,7 @@ class Resets:
             ticks: The board's counters now.
             before: The board's counters before.
             paused: This process did not run meanwhile, which explains a gap without a reset.
-            silent_s: The shortest silence after a reset: a shorter gap is none.
+            silent_s: The shortest silence after a reset: a shorter gap is no reset.
         """
         data = event.data or {}
         cause = data.get("cause")

@@ -109,7 +109,7 @@ class Signals:
                 signal.signal(number, signal.SIG_IGN)
 
     def freeze(self) -> None:
-        """Suspend the process; returns when it goes on."""
+        """Suspend the process; returns when it continues."""
         log.info("Suspended. SIGCONT (fg, bg) continues it.")
         # A thread writes the log, and is suspended with the rest.
         flush()

@@ -15,7 +15,7 @@ class RecordedOdometer(Odometer):
     """The odometer of a daemon with a black box.
 
     Args:
-        recorder: Records its inputs, and now and then its state.
+        recorder: Records its inputs, and periodically its state.
         arguments: The odometer's own.
     """
 

@@ -108,7 +108,7 @@ class Status:
         return found
 
     def board(self) -> dict[str, Any]:
-        """The board's answers about itself; empty while none is there."""
+        """The board's answers about itself; empty without a board."""
         session = self._supervisor.session
         board = None if session is None else session.board
         if board is None:

@@ -247,7 +247,7 @@ class Wheels:
         """Compare the wheels only with the motion that was written to the port.
 
         Args:
-            units: The motion, as the board takes it; ``None``: let go.
+            units: The motion, in the board's units; ``None`` for a release.
         """
         said, speeds_m_s = self._said
         # Any other frame is a stop: stops overtake velocities.
@@ -285,7 +285,7 @@ class Wheels:
 
         Args:
             ticks: Travelled counts of each motor since the start.
-            received_ns: When they arrived, if that is known besides the stamp.
+            received_ns: When they arrived, if that is known as well as the stamp.
             earliest_ns: The earliest time at which the board sampled them, if the stamp is only the
                 likeliest moment between.
         """

@@ -1,6 +1,6 @@
 """The emergency stop: a latch that any client may close and only one deliberate act opens.
 
-It knows no file and no bus: the caller stores :attr:`EmergencyStop.latched` so that it survives a
+It has no file and no bus: the caller stores :attr:`EmergencyStop.latched` so that it survives a
 restart, and passes it in at the next start.
 """
 

@@ -31,8 +31,8 @@ class Fault(msgspec.Struct, frozen=True, kw_only=True):
         kind: A stable word.
         motor: The motor by name; ``None`` if it concerns all of them.
         message: One sentence for a person, with the things to check.
-        action: ``cut``: let the motors go at once, whatever the configuration; ``policy``: act by
-            ``faults.stall``; ``report``: report, and go on.
+        action: ``cut``: release the motors at once, in any configuration; ``policy``: act by
+            ``faults.stall``; ``report``: report, and continue.
         certain: It lasted too long to be explained by lost or altered commands.
     """
 

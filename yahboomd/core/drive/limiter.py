@@ -94,7 +94,7 @@ class Limiter:
         return self._vx.speed == self._vy.speed == self._wz.speed == 0.0
 
     def reset(self, twist: Twist2d) -> Twist2d:
-        """Go on from ``twist``, the velocity that was really sent, without acceleration."""
+        """Continue from ``twist``, the velocity that was really sent, without acceleration."""
         self._vx.reset(twist.vx)
         self._vy.reset(twist.vy)
         self._wz.reset(twist.wz)

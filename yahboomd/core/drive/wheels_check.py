@@ -103,7 +103,7 @@ class WheelsCheck:
                 than the last is ignored.
             measured_m_s: Rim speed of each motor, positive forward.
             ticks: The counts of each motor since the last reading, positive forward.
-            received_ns: When it arrived, if that is known besides the stamp.
+            received_ns: When it arrived, if that is known as well as the stamp.
             earliest_ns: The earliest moment of its sampling, if the stamp may be wrong. On a busy
                 machine an answer may take a while, and a wrong guess of the moment multiplies the
                 speed; so no motor is cut for more than its counts prove.

@@ -39,7 +39,7 @@ class Listener(Protocol):
         """The inertial sensor was read."""
 
     def sent(self, units: Units | None) -> None:
-        """Note the speeds that were just written to the port; ``None``: the motors were let go."""
+        """Note the speeds that were just written to the port; ``None`` for a release."""
 
     def battery(self, volts: float) -> None:
         """The voltage of the motors' supply."""
@@ -120,7 +120,7 @@ class ConnectedBoard:
 
     @property
     def stop_sent(self) -> bool:
-        """Whether the last command for the wheels is a stop, and nothing of it waits here."""
+        """Whether the last command for the wheels is a stop, and no part of it waits here."""
         line = self._line
         # Bytes for a port that is gone go nowhere, and none of them wait.
         return not (line.lost or line.writer.stopping or self._turning or line.port.queued())

@@ -62,7 +62,7 @@ class OutputWatch:
 
     def holds(self, now_ns: int) -> bool:
         left = self._queued()
-        # A time in which this process did not run shows nothing of the port.
+        # A time in which this process did not run is no evidence about the port.
         paused = self._least is not None and now_ns - self._looked_ns >= PAUSE_NS
         self._looked_ns = now_ns
         if left == 0:

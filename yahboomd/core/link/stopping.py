@@ -22,7 +22,7 @@ REPEAT_S = 0.1
 """The period at which the brake is repeated meanwhile."""
 
 COAST_WITHIN_S = 1.0
-"""The time that wheels which ignored the brake may roll on once the motors are let go."""
+"""The time that wheels which ignored the brake may roll on after the release of the motors."""
 
 GIVE_UP_S = 3.0
 """The longest that all of it takes if the port does not send: stalls of 2 s are outlasted."""
@@ -226,7 +226,7 @@ async def bring_to_rest(
 ) -> StopReport:
     """Brake until the counters stand, release the motors, end the streams, and drain.
 
-    Bounded: 2 s, and :data:`GIVE_UP_S` besides on a port that does not send.
+    Bounded: 2 s, and another :data:`GIVE_UP_S` on a port that does not send.
 
     Args:
         port: The open port; decoded counts must still reach ``watch``.

@@ -11,7 +11,7 @@ from yahboomd.core.errors import YahboomdError
 
 
 class VitalTasks:
-    """Tasks of which none may end before the others, as one may in a TaskGroup."""
+    """Tasks that must not end one before the other, as they may in a TaskGroup."""
 
     def __init__(self) -> None:
         self._group = asyncio.TaskGroup()

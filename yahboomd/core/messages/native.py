@@ -19,7 +19,7 @@ from yahboomd.core.model import Event, ImuEstimate, Matrix3, OdometryEstimate
 Fact: TypeAlias = int | float | str | bool | None
 """A counter or a fact of one word."""
 
-# Three levels, spelled out because msgspec knows no recursive alias: the deepest group is
+# Three levels, spelled out because msgspec has no recursive alias: the deepest group is
 # command -> sources -> one source -> refusals by reason.
 _Facts: TypeAlias = Mapping[str, Fact]
 _Group1: TypeAlias = Mapping[str, Fact | Sequence[str] | _Facts]

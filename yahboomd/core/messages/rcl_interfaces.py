@@ -48,7 +48,7 @@ class ParameterServer:
     Args:
         values: Each parameter by its name, whose parts are separated by dots.
         meanings: What each means and what it takes, by its name.
-        refusal: Why none is set.
+        refusal: The reason why no parameter can be set.
     """
 
     def __init__(

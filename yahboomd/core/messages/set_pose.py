@@ -20,7 +20,7 @@ _PLANAR = (0, 1, 5, 6, 7, 11, 30, 31, 35)
 
 
 def decode_pose(payload: bytes, frame_id: str) -> SetPoseRequest | str:
-    """Reads a geometry_msgs/msg/PoseWithCovarianceStamped, of which the planar part counts.
+    """Reads a geometry_msgs/msg/PoseWithCovarianceStamped, and uses its planar part.
 
     Args:
         payload: Header and body, in either byte order.

@@ -153,7 +153,7 @@ class Integrator:
             correction: The turn beyond that of the wheels, by a more certain sensor, radians.
 
         Returns:
-            The displacement and the terms that it was made of.
+            The displacement and its terms.
         """
         x = y = turn = heading = 0.0
         for factors, delta, total, start in zip(

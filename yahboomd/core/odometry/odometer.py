@@ -5,7 +5,7 @@ that happens on the wire makes it jump. Lost travel is reported, as an event and
 
 An estimate needs two readings, because a velocity does: the first reading of all gives none, nor
 does one that ends a discontinuity. At rest a streaming board repeats its totals; each tick of its
-clock is a new reading all the same, with a new stamp.
+clock is still a new reading, with a new stamp.
 """
 
 from __future__ import annotations
@@ -395,7 +395,7 @@ class Odometer:
     def _stray(self, verdict: Verdict, instant: Instant) -> None:
         """Take a step that no wheel was heading for; a second one takes the first one back.
 
-        A garbled reading that was believed for want of others makes two such steps, there and back.
+        A garbled reading that was believed without others makes two such steps, there and back.
         Counted one by one they would leave the base beside its way, because it seems to have turned
         in between. Counted as one, they end at the true place; if both were real, that is no worse
         than a missed reading.

@@ -1,7 +1,7 @@
 """The e-stop's memory: a file that is there while the latch is engaged, and survives a restart.
 
-Only the file's presence counts: anything with its name, whatever is in it, counts as
-engaged. So a disk that has room for a name and not for its content is enough.
+Only the file's presence counts: anything with its name counts as engaged, with any content. So a
+disk that has room for a name and not for its content is enough.
 """
 
 from __future__ import annotations
@@ -166,7 +166,7 @@ def _author(path: Path) -> str:
 
 def _sync(fd: int) -> None:
     try:
-        # Some file systems know no fsync of a folder; the written data stays.
+        # Some file systems have no fsync of a folder; the written data stays.
         with contextlib.suppress(OSError):
             os.fsync(fd)
     finally:

@@ -52,7 +52,7 @@ LOOK_S = 5.0
 """The period of the check that programs still find the socket."""
 
 PAUSE_S = 0.1
-"""The pause after connections could not be accepted, such as for want of descriptors."""
+"""The pause after connections could not be accepted, for example without descriptors."""
 
 SAMPLES = 3
 """The readings in a row that must show standing wheels."""
@@ -91,10 +91,10 @@ class LocalStop:
     """Listens, and stops the robot.
 
     Args:
-        engage: Engages the emergency stop, given who did; returns what was done.
-        acknowledged: Given these words, returns the answer once the stop was sent and is on file.
-        facts: Which robot this is, and its state.
-        name: Of the socket's file.
+        engage: Engages the emergency stop, given its origin; returns a sentence.
+        acknowledged: Given this sentence, returns the answer once the stop was sent and is on file.
+        facts: Returns the robot's identity and its state.
+        name: The name of the socket's file.
     """
 
     def __init__(
@@ -120,7 +120,7 @@ class LocalStop:
         self._attending: asyncio.Task[None] | None = None
 
     async def open(self) -> None:
-        """Listen; if that fails the daemon goes on, and logs it."""
+        """Listen; if that fails the daemon continues, and logs it."""
         try:
             await self._listen()
         except (OSError, TimeoutError) as error:

@@ -60,7 +60,7 @@ class BridgeWay:
 
     def _announce(self, kind: EndpointKind, key: str, ros_type: str, qos: Qos) -> None:
         if not is_ros_name(self._bus.key(key)):
-            # No ROS node could call it by this name; the data flow all the same.
+            # No ROS node could call it by this name; its data still flows.
             return
         token = ros2.bridge_token(
             kind,
@@ -137,7 +137,7 @@ class NativeWay:
 
     def publisher(self, topic: str, ros_type: str, qos: Qos) -> Outlet:
         if topic == keys.ROS_ROSOUT:
-            # The nodes of a graph share one log, whatever their namespaces.
+            # The nodes of a graph share one log, across namespaces.
             topic = f"/{topic}"
         publisher = self._bus.publisher(
             self._key(topic, ros_type),
@@ -168,7 +168,7 @@ class NativeWay:
             self._bus.subscribe(self._key(topic, heard), handler)
 
     def alarm(self, topic: str, ros_type: str, qos: Qos, hear: Callable[[str], None]) -> None:
-        """Subscribe to a topic of which no sample may be lost.
+        """Subscribe to a topic that must not lose a sample.
 
         Args:
             topic: Its name below the namespace.

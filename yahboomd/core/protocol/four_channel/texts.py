@@ -1,4 +1,4 @@
-"""The board's bare text lines. The law: a whole line or nothing, save for the banner of a reset.
+"""The board's bare text lines. The law: a whole line or nothing, except for the banner of a reset.
 
 Only the version is searched anywhere in a line: a software reset cuts off the line end of
 ``Reset MCU``, and a reset in the middle of sending appends the banner to the bytes before it.

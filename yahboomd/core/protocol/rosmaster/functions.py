@@ -105,7 +105,7 @@ def open_loop(outputs: tuple[int, ...], offset: int) -> bytes:
     """Drive the four motors without regulation from now on; outputs in PWM units.
 
     The board takes a share of 100, and adds it to a dead zone that cannot be omitted: an
-    output up to there, which is ``offset``, is none. A zero releases the motor.
+    output up to it, which is ``offset``, turns nothing. A zero releases the motor.
     """
     shares = (
         max(0, min(100, 100 * (abs(each) - offset) // (MOST_OUTPUT - offset)))
