@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import itertools
 import math
 
 import pytest
@@ -101,6 +102,41 @@ def test_stiff_motors_that_turn_round_may_take_twice_that_way() -> None:
         n * 10 for n in range(1, 200) if check.measure((1010 + n * 10) * MS, [0.0] * 2, [0] * 2)
     )
     assert 126 <= 0.17 * silent_ms <= 131
+
+
+def silent_way(first_m: float, *, through_zero: bool) -> int:
+    """The commanded way (mm) at which a wheel without counts is accused, behind a straight.
+
+    Args:
+        first_m: The commanded way after which both wheels began to count at their first start.
+        through_zero: Whether the wheels stand between the straight and a turn on the spot.
+    """
+    check = WheelsCheck(["left", "right"], latency_s=0.0)
+    steps = itertools.count(1)
+
+    def measure(ticks: int, right: int) -> bool:
+        now_ns = next(steps) * 10 * MS
+        return bool(check.measure(now_ns, [0.002 * ticks * 10, 0.002 * right * 10], [ticks, right]))
+
+    check.command(0, [0.1, 0.1])
+    for n in range(200):
+        turning = 3 if 0.001 * n > first_m else 0
+        assert not measure(turning, turning)
+    if through_zero:
+        check.command(2 * S, [0.0, 0.0])
+        for _ in range(50):
+            measure(0, 0)
+    check.command((next(steps) - 1) * 10 * MS, [-0.1, 0.1])
+    # The right wheel goes on where its loop still is; the left one never counts.
+    return next(n for n in range(1, 300) if measure(0, 3))
+
+
+@pytest.mark.parametrize("through_zero", [True, False])
+def test_a_wheel_that_goes_on_as_it_rolled_does_not_show_whether_the_motors_are_stiff(
+    through_zero: bool,
+) -> None:
+    assert silent_way(0.049, through_zero=through_zero) == pytest.approx(126, abs=3)
+    assert silent_way(0.005, through_zero=through_zero) == pytest.approx(60, abs=3)
 
 
 def test_a_wheel_that_counted_before_is_not_slow_to_start() -> None:

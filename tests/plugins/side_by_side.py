@@ -20,9 +20,13 @@ from vendor_firmware import MOTORS, FirmwareStreamed
 
 from yahboomd.core.model import CHANNELS, NS_PER_S, Counts
 from yahboomd.simulation.board import NEVER
-from yahboomd.simulation.four_channel.flash import FlashContent, mm_s_per_tick
+from yahboomd.simulation.four_channel.flash import FlashContent, fields, mm_s_per_tick
 from yahboomd.simulation.four_channel.page_write import PREPARE_NS
-from yahboomd.simulation.four_channel.streamed_board import CARRY_OUT_NS, StreamedBoard
+from yahboomd.simulation.four_channel.streamed_board import (
+    CARRY_OUT_NS,
+    LACKING_NUMBERS,
+    StreamedBoard,
+)
 from yahboomd.simulation.options import PLAIN_GAIN, SimulationOptions
 from yahboomd.simulation.plant import SAG_V, Plant
 from yahboomd.simulation.speed_loop import SPEED_MAX, TICK_NS
@@ -110,13 +114,14 @@ class Watched(StreamedBoard):
             failures of the supply while values were written, and bytes that came when the processor
             was just halted or went on.
         near_speeds: Speeds that came so near an interrupt.
+        lacking: Speeds and outputs with too few numbers, while lines stream.
     """
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
         self.ended_ns: list[int] = []
         self.wiped_ns: list[int] = []
-        self.near_calls = self.near_speeds = 0
+        self.near_calls = self.near_speeds = self.lacking = 0
 
     @property
     def next_tick_ns(self) -> int:
@@ -149,9 +154,14 @@ class Watched(StreamedBoard):
         self.near_speeds += min(since_ns, TICK_NS - since_ns) < 2 * RACE_NS
         super()._spd(args, now_ns)
 
+    def _carried_out(self, args: bytes, now_ns: int) -> None:
+        self.lacking += any(self.streams) and len(fields(args)) <= LACKING_NUMBERS
+        super()._carried_out(args, now_ns)
+
     def reset(self, now_ns: int, *, off_ns: int = 0, by_power: bool) -> None:
-        # Values are written one by one within a millisecond.
-        self.near_calls += self._write is not None and abs(now_ns - self._write.erased_ns) < 2 * MS
+        # Values are written one by one within four milliseconds.
+        page = self._write
+        self.near_calls += page is not None and -2 * MS < now_ns - page.erased_ns < 5 * MS
         super().reset(now_ns, off_ns=off_ns, by_power=by_power)
 
     def _store(self, *args: Any, **kwargs: Any) -> None:
@@ -309,14 +319,19 @@ class Comparison:
             self.counted["blocks that a close call left unjudged"] += 1
             self._start_over()
             return
-        if kind == "streams" and self._simulated.hangs:
-            # The firmware often does, too.
-            self.counted["blocks with too few numbers within lines of speeds, not judged"] += 1
+        hung = kind == "streams" and self._simulated.hangs
+        found = (
+            []
+            if hung
+            else [
+                Difference(f"{kind}: {what}", *each, steps) for what, *each in self._judged(*texts)
+            ]
+        )
+        if hung or (found and self._simulated.lacking):
+            # The firmware takes what its memory has, or hangs, too.
+            self.counted["blocks with too few numbers within streams, not judged"] += 1
             self._start_over()
             return
-        found = [
-            Difference(f"{kind}: {what}", *each, steps) for what, *each in self._judged(*texts)
-        ]
         self.differences += found
         if found:
             self._start_over()
@@ -364,7 +379,7 @@ class Comparison:
         self._samples.clear()
         self._simulated.ended_ns.clear()
         self._simulated.wiped_ns.clear()
-        self._simulated.near_calls = self._simulated.near_speeds = 0
+        self._simulated.near_calls = self._simulated.near_speeds = self._simulated.lacking = 0
         return begin_ns
 
     def _start_over(self) -> None:
@@ -405,7 +420,7 @@ class Comparison:
                         given,
                         self._onlooker.outputs,
                         board.flash,
-                        board._control._regulates,
+                        board._control.regulates,
                         board.writes,
                     )
                 )
@@ -440,7 +455,7 @@ class Comparison:
         # A hung board reports none.
         if lines[0] or lines[1]:
             reset = "Motor_Version:1.7.3\r\n" in [text.text[-21:] for text in said[0]]
-            if parting := self._counters_differ(*lines, reset=reset):
+            if parting := self._counters_differ(*lines, reset=reset, streams=streams):
                 yield parting
         for wheel in range(CHANNELS):
             if parting := self._outputs_differ(wheel, 2 if streams else 1):
@@ -448,7 +463,7 @@ class Comparison:
                 return
 
     def _counters_differ(
-        self, one: list[Text], other: list[Text], *, reset: bool
+        self, one: list[Text], other: list[Text], *, reset: bool, streams: bool
     ) -> Parting | None:
         """Compare what the counters at rest have gained since the last block."""
         totals = [STREAM.fullmatch(lines[-1].text) for lines in (one, other) if lines]
@@ -457,7 +472,11 @@ class Comparison:
         apart = [int(totals[0][place]) - int(totals[1][place]) for place in range(2, 6)]
         before, self._apart = self._apart if not reset else [0] * CHANNELS, apart
         law = self._plant.motors[0].law
-        most = law.max_speed_m_s * law.ticks_per_metre * TICK_NS / NS_PER_S if reset else MISSED
+        most = float(MISSED)
+        if reset:
+            # While lines stream it may come a pass of the main loop earlier or later.
+            apart_ns = TICK_NS + (PASS_NS if streams else 0)
+            most = law.max_speed_m_s * law.ticks_per_metre * apart_ns / NS_PER_S
         if max(abs(new - old) for new, old in zip(apart, before, strict=True)) <= most:
             return None
         return "counters", f"{totals[0][0]!r}, {before} more before", repr(totals[1][0])

@@ -102,7 +102,7 @@ class MotorControl:
         self._seen: Counts | None = plant.ticks
         self._renewed: Counts | None = plant.ticks
         self._loops = [SpeedLoop(gain) for _ in range(CHANNELS)]
-        self._regulates = False
+        self.regulates = False
 
     def restart(self) -> None:
         """Reset as the MCU does: release the motors, count from zero."""
@@ -118,19 +118,19 @@ class MotorControl:
 
     def release(self) -> None:
         """Outputs off, no regulation."""
-        self._regulates = False
+        self.regulates = False
         self._reset_loops()
         self._plant.set_outputs((0,) * CHANNELS)
 
     def regulate(self, targets_mm_s: tuple[int, ...]) -> None:
         """Regulate to these rim speeds from the next interrupt on."""
-        self._regulates = True
+        self.regulates = True
         for loop, target in zip(self._loops, targets_mm_s, strict=True):
             loop.target_mm_s = target
 
     def drive(self, pwm: tuple[int, ...], *, inverted: bool = False) -> None:
         """Set the outputs, open loop, at once."""
-        self._regulates = False
+        self.regulates = False
         self._reset_loops()
         self._plant.set_outputs(tuple(-value if inverted else value for value in pwm))
 
@@ -150,7 +150,7 @@ class MotorControl:
         a, b, c, d = (way * _signed(new - old, 16) for new, old in zip(ticks, seen, strict=True))
         self._seen = ticks
         self.deltas = (a, b, c, d)
-        if self._regulates:
+        if self.regulates:
             self._plant.set_outputs(tuple(self._outputs(tuning)))
 
     def renew_totals(self, now_ns: int, tuning: LoopSettings) -> None:

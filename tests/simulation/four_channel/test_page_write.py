@@ -33,7 +33,11 @@ def test_power_that_fails_leaves_what_was_there_or_what_it_is_sold_with_or_erase
     assert page.left(PREPARE_NS) == page.left(page.erased_ns - 1) == FlashContent()
     nothing = page.left(page.erased_ns)
     assert (nothing.motor_type, nothing.lines) == (0xFF, 0xFFFF)
-    assert page.left(page.erased_ns + 2 * MS) == page.left(page.filled_ns) == AFTER
+    assert page.left(page.erased_ns + 5 * MS) == page.left(page.filled_ns) == AFTER
+    # The gains are the last ones, as on the firmware.
+    gains_lack = page.left(page.erased_ns + 3 * MS)
+    assert gains_lack.lines == AFTER.lines
+    assert (gains_lack.p, gains_lack.d) != (AFTER.p, AFTER.d)
 
 
 def test_some_moment_leaves_each_share_of_the_values(page: PageWrite) -> None:

@@ -171,6 +171,19 @@ def test_14_numbers_hang_the_board_with_the_motors_running(
     assert min(desk.speeds()) > 0.5
 
 
+@pytest.mark.parametrize("streams", [b"0,0,1", b"0,1,1"])
+@pytest.mark.parametrize("gains", [b"", b"0.5", b"0.5,0.1"])
+def test_one_gain_or_none_hangs_a_board_that_streams_speeds_and_more(
+    bench: MakeBench, gains: bytes, streams: bytes
+) -> None:
+    desk = bench()
+    desk.send(b"$spd:300,0,300,0#$upload:%s#" % streams, 0.5)
+    heard = desk.send(b"$MPID:%s#" % gains, 0.6)
+    hangs = streams == b"0,1,1" and gains != b"0.5,0.1"
+    assert (RESET in heard) is not hangs
+    assert (desk.send(b"$read_vol#", 0.1) == b"") is hangs
+
+
 # Motion.
 
 
@@ -211,6 +224,20 @@ def test_a_changed_setting_is_stored_and_confirmed_after_65_to_116_ms(bench: Mak
     assert desk.run(0.07) == b"Set mline:OK!\r\n"
     assert board_of(desk).flash.lines == 13
     assert desk.send(b"$mline:13#") == b"Set mline:OK!\r\n"
+
+
+def test_speed_loops_hold_up_a_write(bench: MakeBench) -> None:
+    took_ns = []
+    for command in (b"$pwm:0,0,0,0#", b"$spd:300,0,300,0#"):
+        desk = bench()
+        desk.send(command, 0.5)
+        desk.send(b"$mline:13#", 0.001)
+        page = board_of(desk)._write
+        assert page is not None
+        assert desk.run(0.2) == b"Set mline:OK!\r\n"
+        took_ns.append(page.filled_ns - page.begin_ns)
+    # Six interrupts or so, as on the firmware: 0.5 ms.
+    assert 400_000 < took_ns[1] - took_ns[0] < 900_000
 
 
 def test_the_board_is_deaf_while_it_writes_flash(bench: MakeBench) -> None:

@@ -71,7 +71,6 @@ class MotorWatch:
     """Compares one motor's readings with its commands.
 
     Args:
-        name: The motor's name, for messages.
         min_speed_m_s: Below this command, missing counts prove nothing.
         latency_ns: From sending a command to the first reading that can show it.
         witnessed: Returns the speed that several readings agree on, which a cut requires; ``None``
@@ -79,7 +78,6 @@ class MotorWatch:
 
     Attributes:
         owed_m: The commanded travel since its last counts; metres of the rim.
-        start_m: What it owed when it began to count after standing; ``None`` while it did not.
     """
 
     def __init__(
@@ -96,7 +94,7 @@ class MotorWatch:
         self._commanded: float | None = None
         self._past: deque[tuple[int, float]] = deque()
         self._let_go = False
-        self.start_m: float | None = None
+        self._started, self._slow = False, True
         self.begin(0.0)
 
     def begin(self, measured_m_s: float) -> None:
@@ -121,8 +119,8 @@ class MotorWatch:
         if speed_m_s == self._commanded:
             return
         self._rests = False
-        if not self._commanded:
-            self.start_m = None
+        if not self._commanded or (speed_m_s and speed_m_s * self._commanded < 0.0):
+            self._started = False
         if self._commanded is None and speed_m_s is not None:
             # The wheel coasted, so it starts from any speed up to the latest measured.
             self._commanded = speed_m_s
@@ -155,7 +153,6 @@ class MotorWatch:
             before_ns: When the board sampled the previous reading.
             now_ns: When it sampled this one.
             speed: Measured rim speed, positive forward; m/s.
-            ticks: The counts in between.
             proven: The least that the speed can be; no wheel is cut for more.
             held_up: The line was held up, so the command may not have arrived.
             slow_start: No motor of the base counts yet, or each was slow to: the loop is slow.
@@ -197,13 +194,13 @@ class MotorWatch:
 
     @property
     def slow_to_start(self) -> bool:
-        """Whether it did not count yet since it stood, or only after much of its commanded way."""
-        return self.start_m is None or self.start_m >= SLOW_M
+        """Whether it did not count yet since it stood or turned, or was slow to, not onward."""
+        return not self._started or self._slow
 
     @property
     def silent(self) -> bool:
         """Whether it is accused of no counts, or about to be."""
-        return "no_counts" in self._known or (self.start_m is None and self.owed_m >= NO_COUNTS_M)
+        return "no_counts" in self._known or (not self._started and self.owed_m >= NO_COUNTS_M)
 
     def accused(self) -> None:
         """Its silence was reported with that of all."""
@@ -289,9 +286,12 @@ class MotorWatch:
         # not silent, and a wheel that turns against its command is found by its speed. Two readings
         # must agree, because a garbled digit is no motion.
         if min(abs(self._owed_ticks), abs(self._owed_ticks_before)) >= COUNTS_OF_MOTION:
-            self._rolled = self._owed_ticks
-            if self.start_m is None:
-                self.start_m = self.owed_m
+            before, self._rolled = self._rolled, self._owed_ticks
+            if not self._started and self._rolled * steady > 0.0:
+                self._started = True
+                # Onward it starts at once, however stiff: the loop's output is still there.
+                if before * steady <= 0.0:
+                    self._slow = self.owed_m >= SLOW_M * (TURNING_ROUND if before else 1)
             self._owe_nothing()
             self._known.discard("no_counts")
             if ticks:
@@ -301,7 +301,7 @@ class MotorWatch:
         else:
             self._silent_ns += step_ns
             self._silent_m += abs(steady) * step_ns / NS_PER_S
-        slow_start_m = SLOW_START_M if slow_start and self.start_m is None else 0.0
+        slow_start_m = SLOW_START_M if slow_start and not self._started else 0.0
         times = TURNING_ROUND if self._rolled * steady < 0.0 else 1
         least_m = times * max(NO_COUNTS_M, slow_start_m)
         proven = self._silent_ns >= times * NO_COUNTS_NS and self._silent_m >= least_m

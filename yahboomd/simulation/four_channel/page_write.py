@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect
 from random import Random
 
 from yahboomd.simulation.four_channel.flash import FlashContent, cut_short
@@ -13,9 +14,11 @@ ERASE_NS = (20_000_000, 40_000_000, 30_000_000)
 FILL_NS = (43_000_000, 74_000_000, 55_650_000)
 """The page is erased, the processor halted, then filled: least, most, typical."""
 
-HEADER_NS = 435_000
-VALUE_NS = 80_000
-"""The values follow a header in the page; most of the time goes into its empty rest."""
+VALUES_NS = (
+    *(430_000, 500_000, 880_000, 1_330_000),
+    *(2_230_000, 3_500_000, 3_650_000, 4_030_000),
+)
+"""When each value is in the page, after it is empty; most of the time goes into its empty rest."""
 
 
 class PageWrite:
@@ -46,12 +49,11 @@ class PageWrite:
             return self._before
         if at_ns < self.erased_ns:
             return FlashContent()
-        return cut_short(self._content, max(0, at_ns - self.erased_ns - HEADER_NS) // VALUE_NS)
+        return cut_short(self._content, bisect(VALUES_NS, at_ns - self.erased_ns))
 
     def some_moment_ns(self, random: Random) -> int:
         """A moment of the erasure, or of those in which values are written."""
-        value = random.randrange(-1, len(FlashContent.__struct_fields__))
-        return self.erased_ns - 1 if value < 0 else self.erased_ns + HEADER_NS + value * VALUE_NS
+        return self.erased_ns + random.choice((-1, 0, *VALUES_NS[:-1]))
 
 
 def _duration_ns(bounds_ns: tuple[int, int, int], random: Random) -> int:

@@ -45,6 +45,9 @@ NOTICE_NS = 30_000
 CARRY_OUT_NS = 100_000
 """The time for which a command without an answer occupies the main loop."""
 
+LOOPS_NS = 85_000
+"""For so long an interrupt whose speed loops run holds up what fills the flash."""
+
 START_NS = 2_300_000
 """The time from a reset to the banner; 2 ms of it, for the clocks' start, are assumed."""
 
@@ -79,6 +82,8 @@ FATAL_NUMBERS = 14
 LACKING_NUMBERS = 2
 """With at most this many numbers in a speed or output command, the MCU reads the missing ones from
 the memory of the latest line of speeds. If that line was not all zeros, it often hangs."""
+LACKING_GAINS = 1
+"""With at most this many gains it hangs then if other lines stream, too."""
 
 _NOT_FOUND = b"fail,Command not found!"
 
@@ -258,6 +263,9 @@ class StreamedBoard:
         self._control.tick(now_ns, self._tuning)
         if self._renews_at_ticks:
             self._control.renew_totals(now_ns, self._tuning)
+        if self._write is not None and self._control.regulates:
+            self._write.filled_ns += LOOPS_NS
+            self._main_ns += LOOPS_NS
         self._ticks += 1
         if self._ticks % SPEED_LINE_TICKS == 0:
             self._speeds_due = True
@@ -367,11 +375,15 @@ class StreamedBoard:
 
     def _carried_out(self, args: bytes, now_ns: int) -> None:
         numbers = len(fields(args))
-        lacks = numbers <= LACKING_NUMBERS and self.streams[2] and any(self._control.deltas)
-        if numbers >= FATAL_NUMBERS or lacks:
+        if numbers >= FATAL_NUMBERS or (numbers <= LACKING_NUMBERS and self._streams_speeds):
             self.hang()
         else:
             self._occupy(now_ns + CARRY_OUT_NS, then=self._done)
+
+    @property
+    def _streams_speeds(self) -> bool:
+        """Whether lines of speeds are sent that are not all zeros."""
+        return self.streams[2] and any(self._control.deltas)
 
     def _spd(self, args: bytes, now_ns: int) -> None:
         self._control.regulate(self._motor_numbers(args, SPEED_MAX))
@@ -409,7 +421,11 @@ class StreamedBoard:
 
     def _set(self, name: bytes, args: bytes, now_ns: int) -> None:
         content = changed(self.flash, name, args)
-        fatal = name == b"MPID" and len(fields(args)) >= FATAL_NUMBERS
+        gains = len(fields(args)) if name == b"MPID" else LACKING_GAINS + 1
+        fatal = gains >= FATAL_NUMBERS
+        if gains <= LACKING_GAINS and self._streams_speeds and any(self.streams[:2]):
+            self.hang()
+            return
         then = self._dies if fatal else self._done
         if isinstance(content, SettingRefused):
             self._say(content.answer + b"\r\n", now_ns, then=then)

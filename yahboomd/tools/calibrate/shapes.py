@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from yahboomd.core.clock import PauseWatch, SystemClock, nanoseconds, seconds
+from yahboomd.core.clock import Clock, PauseWatch, SystemClock, nanoseconds, seconds
 from yahboomd.core.errors import NoDaemon, Refused
 from yahboomd.core.messages.native import EventSample, StatusSample, WheelsSample
 from yahboomd.core.model import NS_PER_S
@@ -133,8 +133,14 @@ class LegDriver:
     """
 
     def __init__(
-        self, robot: AsyncRobot, config: Config, source: str, hold: HeldButton | None = None
+        self,
+        robot: AsyncRobot,
+        config: Config,
+        source: str,
+        hold: HeldButton | None = None,
+        clock: Clock | None = None,
     ) -> None:
+        self._clock = clock or SystemClock()
         self._robot = robot
         self._config = config
         self._source = source
@@ -225,7 +231,7 @@ class LegDriver:
         if trouble := obedience.trouble_before():
             raise Refused(f"Nothing was driven. {trouble}")
         first, seen = self._ticks[-1], before.stamp_ns
-        command = _LegCommand(self._robot, leg, self._hold)
+        command = _LegCommand(self._robot, leg, self._hold, self._clock)
         progress(0.0)
         try:
             while True:
@@ -278,12 +284,13 @@ STILL_S = 0.5
 class _LegCommand:
     """The command of one leg: it ends with the leg's time, and with the person's hold."""
 
-    def __init__(self, robot: AsyncRobot, leg: Leg, hold: HeldButton | None) -> None:
+    def __init__(self, robot: AsyncRobot, leg: Leg, hold: HeldButton | None, clock: Clock) -> None:
+        self._clock = clock
         self._robot = robot
         self._leg = leg
         self._hold = hold
-        self._ends_ns = SystemClock().now_ns() + nanoseconds(leg.limit_s)
-        self._pauses = PauseWatch(SystemClock(), nanoseconds(STILL_S))
+        self._ends_ns = clock.now_ns() + nanoseconds(leg.limit_s)
+        self._pauses = PauseWatch(clock, nanoseconds(STILL_S))
         if hold is None:
             robot.drive(leg.vx, leg.wz, vy=leg.vy, for_s=leg.limit_s)
 
@@ -297,7 +304,7 @@ class _LegCommand:
         held_s = None if self._hold is None else self._hold.left_s()
         if held_s is not None and held_s <= 0.0:
             raise Interrupted(LET_GO)
-        left_s = seconds(self._ends_ns - SystemClock().now_ns())
+        left_s = seconds(self._ends_ns - self._clock.now_ns())
         if left_s <= 0.0:
             raise Refused(
                 f"After {self._leg.limit_s:.0f} s the robot was not where its counts should "

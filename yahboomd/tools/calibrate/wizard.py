@@ -24,6 +24,7 @@ from yahboomd.tools.terminal.asking import Number
 
 if TYPE_CHECKING:
     from yahboomd.client import AsyncRobot
+    from yahboomd.core.clock import Clock
     from yahboomd.core.config import Config, Loaded
     from yahboomd.tools.calibrate.estimates.runs import Run
     from yahboomd.tools.calibrate.estimates.sideways import SidewaysRun
@@ -101,6 +102,8 @@ async def calibrate(
     options: RunOptions,
     person: Person,
     hold: HeldButton | None = None,
+    *,
+    clock: Clock | None = None,
 ) -> int:
     """Ask, drive, fit, and write the result.
 
@@ -125,7 +128,7 @@ async def calibrate(
             "A mecanum base is calibrated by tape: its slip hides the ratio of the wheels. "
             "`yahboomd calibrate tape`"
         )
-    wizard = _Wizard(LegDriver(robot, config, options.source, hold), person, options)
+    wizard = _Wizard(LegDriver(robot, config, options.source, hold, clock), person, options)
     beside: list[SidewaysRun] = []
     if options.method == "tape":
         # The rollers of a mecanum base bend it, too.
