@@ -205,7 +205,7 @@ async def test_a_motion_that_it_kept_over_its_start_is_stopped_as_soon_as_it_rep
         # As if the board had lost every stop that came before.
         begins_ns, regulated = board._begins_ns, []
         bench.robot.after(begins_ns - MS, motion_received)
-        bench.robot.after(begins_ns + 3 * MS, lambda _: regulated.append(board._control._regulates))
+        bench.robot.after(begins_ns + 3 * MS, lambda _: regulated.append(board._control.regulates))
         await asyncio.sleep(9.0)
         moved = [each for each in bench.truth if max(map(abs, each.speed_m_s)) >= 0.03]
         stood_ns = bench.stood_at(began_ns)

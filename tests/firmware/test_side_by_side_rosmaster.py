@@ -162,7 +162,7 @@ class Pair:
         if self.ms > self.quiet_ms:
             same("latched", self.board._alarm.latched, latched, self)
             own, of_firmware = self.watched.outputs, self.firmware.outputs
-            if not (self.board._control._regulates and self._about(own, of_firmware)):
+            if not (self.board._control.regulates and self._about(own, of_firmware)):
                 same("outputs", own, of_firmware, self)
         same("totals", self.board.totals, self.firmware.totals, self)
         if self.board._begins_ns < NEVER:

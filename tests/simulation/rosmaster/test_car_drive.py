@@ -25,7 +25,7 @@ class Bench:
     def targets(self) -> list[int] | None:
         """The speeds that the loops want; None where they do not run."""
         loops = [loop.target_mm_s for loop in self.control._loops]
-        return loops if self.control._regulates else None
+        return loops if self.control.regulates else None
 
     @property
     def outputs(self) -> list[int]:
