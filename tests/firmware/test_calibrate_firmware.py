@@ -5,7 +5,6 @@ Who measures makes no error, so that what is off is the firmware's and the tool'
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,13 +13,12 @@ import pytest
 from bench_client import calibrated
 from robot_bench import RobotBench
 from rosmaster_firmware import firmware_instead_of_simulated, like_the_firmwares
-from vendor_firmware import MOTORS, instead_of_simulated, missing, rosmaster_missing
+from vendor_firmware import LONG, MOTORS, instead_of_simulated, missing, of_all, rosmaster_missing
 
 from yahboomd.simulation.options import TWO_WHEELS, SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 from yahboomd.tools.calibrate.wizard import RunOptions
 
-LONG = bool(os.environ.get("YAHBOOMD_FIRMWARE_LONG"))
 SCALE, RATIO, TRACK = 1.03, 1.01, 1.04
 """The true size of wheels, right over left wheel, and track, each for one as configured."""
 
@@ -29,7 +27,7 @@ SQUARES = RunOptions(
     method="squares", side_m=0.5, count=1, straight_m=1.0, speed_m_s=0.3, turn_rad_s=2.0
 )
 RUNS = {"tape": TAPE, "squares": SQUARES} if LONG else {"tape": TAPE}
-TRIED = [*MOTORS] if LONG else ["44 %, slow", "54 %, 550 rev/min"]
+TRIED = of_all(MOTORS, every=2, first=2)
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from board_bench import LinkBench
 from fault_bench import FaultBench
-from vendor_firmware import MOTORS, ON_THE_FIRMWARE
+from vendor_firmware import MOTORS, ON_THE_FIRMWARE, of_all
 
 from yahboomd.core.link.stopping import stop_unidentified
 from yahboomd.simulation.options import SimulationOptions
@@ -17,7 +17,7 @@ from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 pytestmark = ON_THE_FIRMWARE
 
 
-@pytest.mark.parametrize("motor", MOTORS)
+@pytest.mark.parametrize("motor", of_all(MOTORS, every=2, first=1))
 @on_virtual_time
 async def test_each_motor_drives_a_curve_whose_pose_is_true_and_stands_at_an_estop(
     tmp_path: Path, motor: str

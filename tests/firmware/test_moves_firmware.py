@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import math
-import os
 from pathlib import Path
 from typing import Any
 
 import pytest
-from vendor_firmware import MOTORS, ON_THE_FIRMWARE
+from vendor_firmware import MOTORS, ON_THE_FIRMWARE, of_all
 
 from benchmarks.move_bench import MoveBench
 from yahboomd.client.move_messages import Move
@@ -19,7 +18,7 @@ pytestmark = ON_THE_FIRMWARE
 
 
 FIT = [name for name, motor in MOTORS.items() if motor["motor_dead_zone"] < 1650]
-TRIED = FIT if os.environ.get("YAHBOOMD_FIRMWARE_LONG") else FIT[:1]
+TRIED = of_all(FIT, every=len(FIT))
 """Motors that turn at what the firmware is set to; others need more at low speeds than it gives."""
 
 

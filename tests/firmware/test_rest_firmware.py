@@ -7,12 +7,11 @@ friction.
 from __future__ import annotations
 
 import asyncio
-import os
 from pathlib import Path
 
 import pytest
 from robot_bench import RobotBench
-from vendor_firmware import MOTORS, ON_THE_FIRMWARE
+from vendor_firmware import MOTORS, ON_THE_FIRMWARE, of_all
 
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
@@ -24,9 +23,7 @@ ROLLED_MM = {0.05: 15.0, 0.1: 25.0, 0.2: 60.0}
 SLOW_MM = {0.05: 65.0, 0.1: 125.0, 0.2: 240.0}
 """Motors that lag by 0.2 s or more: with its stored gains the board's loop needs long."""
 
-CASES = [(motor, slope) for motor in MOTORS for slope in ROLLED_MM]
-if not os.environ.get("YAHBOOMD_FIRMWARE_LONG"):
-    CASES = CASES[::4]
+CASES = of_all(((motor, slope) for motor in MOTORS for slope in ROLLED_MM), every=4)
 
 
 def outputs(bench: RobotBench) -> list[int]:
@@ -46,7 +43,7 @@ async def driven(folder: Path, motor: str) -> RobotBench:
     return bench
 
 
-@pytest.mark.parametrize("motor", MOTORS)
+@pytest.mark.parametrize("motor", of_all(MOTORS, every=2, first=1))
 @on_virtual_time
 async def test_at_rest_no_motor_has_output_and_the_next_motion_begins_without_a_jerk(
     tmp_path: Path, motor: str

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import math
 from typing import Any
 
 import pytest
 from board_bench import LinkBench
-from vendor_firmware import MOTORS, ON_THE_FIRMWARE
+from vendor_firmware import MOTORS, ON_THE_FIRMWARE, of_all
 
 from yahboomd.core.errors import BoardError
 from yahboomd.core.link import handshake
@@ -79,9 +80,13 @@ KINDS = {
 }
 
 
-@pytest.mark.parametrize("dead", [False, True], ids=["healthy", "dead encoder"])
-@pytest.mark.parametrize("dead_zone", [0, 1600, 1900, 2150])
-@pytest.mark.parametrize("motor", KINDS)
+DEAD_ZONES = (0, 1600, 1900, 2150)
+
+
+@pytest.mark.parametrize(
+    ("dead", "dead_zone", "motor"),
+    of_all(itertools.product([False, True], DEAD_ZONES, KINDS), every=3),
+)
 @on_virtual_time
 async def test_no_wheel_turns_more_than_half_a_turn_in_a_pulse_and_one_in_all(
     motor: str, dead_zone: int, dead: bool
@@ -94,8 +99,10 @@ async def test_no_wheel_turns_more_than_half_a_turn_in_a_pulse_and_one_in_all(
     assert seen == (not dead and "friction" not in motor)
 
 
-@pytest.mark.parametrize("dead_zone", [0, 1600, 1900, 2150])
-@pytest.mark.parametrize("motor", MOTORS | {"35 %, 550 rev/min": KINDS["35 %, 550 rev/min"]})
+@pytest.mark.parametrize(
+    ("dead_zone", "motor"),
+    of_all(itertools.product(DEAD_ZONES, [*MOTORS, "35 %, 550 rev/min"]), every=3),
+)
 @on_virtual_time
 async def test_an_encoder_that_fails_after_its_motor_was_tried_lets_it_turn_once_at_most(
     motor: str, dead_zone: int

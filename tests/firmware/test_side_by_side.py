@@ -8,11 +8,11 @@ from random import Random, SystemRandom
 import pytest
 from random_commands import KINDS, Commands
 from side_by_side import Comparison
-from vendor_firmware import missing
+from vendor_firmware import LONG, missing
 
 pytestmark = pytest.mark.skipif(bool(missing()), reason=missing())
 
-COMMANDS = 50_000 if os.environ.get("YAHBOOMD_FIRMWARE_LONG") else 1000
+COMMANDS = 50_000 if LONG else 1000
 SEED = int(os.environ.get("YAHBOOMD_SEED") or SystemRandom().randrange(10_000, 1_000_000))
 """`make firmware` draws and prints it."""
 

@@ -8,7 +8,6 @@ have to be the same; the flash, too, at the end and before each reset.
 from __future__ import annotations
 
 import math
-import os
 import struct
 from collections import deque
 from random import Random
@@ -22,7 +21,7 @@ from rosmaster_firmware import (
     firmware_instead_of_simulated,
     like_the_firmwares,
 )
-from vendor_firmware import rosmaster_missing
+from vendor_firmware import LONG, rosmaster_missing
 
 from yahboomd.simulation.board import NEVER
 from yahboomd.simulation.options import PLAIN_GAIN, SimulationOptions
@@ -33,7 +32,6 @@ from yahboomd.simulation.rosmaster.rosmaster_flash import RosmasterStored
 
 pytestmark = pytest.mark.skipif(bool(rosmaster_missing()), reason=rosmaster_missing())
 
-LONG = bool(os.environ.get("YAHBOOMD_FIRMWARE_LONG"))
 COMMANDS = 100_000 if LONG else 2_000
 FIXED_SEED = 20
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 from pathlib import Path
 
 import pytest
 from board_bench import LinkBench
 from robot_bench import RobotBench
 from simulated_person import FOUR, connected, set_up, true_wiring
-from vendor_firmware import MOTORS, ON_THE_FIRMWARE
+from vendor_firmware import MOTORS, ON_THE_FIRMWARE, of_all
 
 from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.simulation.options import FOUR_WHEELS, SimulationOptions, at_plug
@@ -46,8 +47,9 @@ async def test_a_whole_setup_finds_four_wheels_however_they_are_connected(motor:
     assert found.wiring.faults == ()
 
 
-@pytest.mark.parametrize("at_rest", ["auto", "hold"])
-@pytest.mark.parametrize("motor", MOTORS)
+@pytest.mark.parametrize(
+    ("motor", "at_rest"), of_all(itertools.product(MOTORS, ["auto", "hold"]), every=3)
+)
 @on_virtual_time
 async def test_tape_sees_the_wheels_come_to_rest(tmp_path: Path, motor: str, at_rest: str) -> None:
     overrides = [f"command.at_rest={at_rest}"]

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 from tuning_bench import TuningBench
-from vendor_firmware import MOTORS, ON_THE_FIRMWARE
+from vendor_firmware import MOTORS, ON_THE_FIRMWARE, of_all
 
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 pytestmark = ON_THE_FIRMWARE
 
 
-@pytest.mark.parametrize("motor", MOTORS)
+@pytest.mark.parametrize("motor", of_all(MOTORS, every=2))
 @on_virtual_time
 async def test_each_motor_follows_better_after_three_writes_at_most(motor: str) -> None:
     result = await TuningBench(options=MOTORS[motor]).tune()
