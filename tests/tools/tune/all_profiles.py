@@ -16,7 +16,7 @@ def settled(found: StepFigures) -> str:
 @pytest.mark.parametrize("profile", PROFILES)
 @pytest.mark.parametrize("start", STARTS)
 @on_virtual_time
-async def test_gains_with_5_percent_of_overshoot_settle_30_percent_sooner(profile, start) -> None:
+async def test_gains_with_6_percent_of_overshoot_settle_30_percent_sooner(profile, start) -> None:
     bench = TuningBench(profile, start)
     before = await bench.true_step()
     result = await bench.tune()
@@ -26,7 +26,7 @@ async def test_gains_with_5_percent_of_overshoot_settle_30_percent_sooner(profil
         f"| {profile} | {start} | {before.overshoot:.0%} | {settled(before)} | "
         f"{after.overshoot:.1%} | {settled(after)} | {gains} | {result.writes} |"
     )
-    assert after.overshoot <= 0.05
+    assert after.overshoot <= 0.06
     assert after.settling_s is not None
     assert before.settling_s is None or after.settling_s <= 0.7 * before.settling_s
-    assert result.writes <= 7
+    assert result.writes <= 3
