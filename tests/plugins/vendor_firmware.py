@@ -163,25 +163,6 @@ def _quick_board() -> type[Any]:
 EMPTY = b"\xff\xff"
 
 
-@functools.cache
-def _image_that_stores(flash: FlashContent) -> bytes:
-    """The board's flash, as it has stored these settings itself."""
-    cpu: Any = _quick_board()(image(), wiring="520", battery=12.0, seed=0)
-    cpu.run_for(0.05)
-    gains = ",".join(f"{gain:g}" for gain in (flash.p, flash.i, flash.d))
-    for words in (
-        f"$mtype:{flash.motor_type}#",
-        f"$deadzone:{flash.dead_zone}#",
-        f"$mline:{flash.lines}#",
-        f"$mphase:{flash.ratio}#",
-        f"$wdiameter:{flash.wheel_diameter_mm:g}#",
-        f"$MPID:{gains}#",
-    ):
-        cpu.send(words.encode())
-        cpu.run_for(STORES_S)
-    return bytes(cpu.flash)
-
-
 class FirmwareStreamed:
     """Firmware 1.7.3 of the four-channel board, with the plant's motors.
 
@@ -198,21 +179,33 @@ class FirmwareStreamed:
         self._shift_ns = 0
         self._byte_ns = transfer_ns(1, options.baud)
         board = rig("four_channel/board")
-        flash = options.flash if isinstance(options.flash, FlashContent) else FlashContent()
+        wiring = {1: "520", 2: "310", 3: "tt"}[options.motor_type]
         self.cpu: Any = _quick_board()(
-            _image_that_stores(flash),
-            wiring={1: "520", 2: "310", 3: "tt"}[options.motor_type],
-            battery=options.battery_volts,
-            seed=random.randrange(2**32),
+            image(), wiring=wiring, battery=options.battery_volts, seed=random.randrange(2**32)
         )
         self._motors = [_Motor(self, index) for index in range(CHANNELS)]
         self.cpu.motors = self._motors
         for (timer, _), motor in zip(board.ENCODERS, self._motors, strict=True):
             self.cpu.encoders[timer].motor = motor
-        # Long enough to have measured its supply.
-        self.cpu.run_for(0.3)
-        self.cpu.take_output()
+        self.cpu.run_for(0.05)
         self._hangs = False
+        self.store(options.flash)
+
+    def store(self, flash: object) -> None:
+        """Store settings before the robot's time begins."""
+        flash = flash if isinstance(flash, FlashContent) else FlashContent()
+        gains = ",".join(f"{gain:g}" for gain in (flash.p, flash.i, flash.d))
+        for words in (
+            f"$mtype:{flash.motor_type}#",
+            f"$deadzone:{flash.dead_zone}#",
+            f"$mline:{flash.lines}#",
+            f"$mphase:{flash.ratio}#",
+            f"$wdiameter:{flash.wheel_diameter_mm:g}#",
+            f"$MPID:{gains}#",
+        ):
+            self.cpu.send(words.encode())
+            self.cpu.run_for(STORES_S)
+        self.cpu.take_output()
 
     # The robot's end.
 
