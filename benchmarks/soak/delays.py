@@ -9,7 +9,8 @@ from benchmarks.soak import judges
 from benchmarks.soak.course import BRAKE_S, Course
 from benchmarks.soak.injections import RAMP_S, TIMEOUT_S, engage
 from benchmarks.soak.processes import WATCHDOG_S
-from benchmarks.soak.tail import STANDING_M_S, Order, is_stop
+from benchmarks.soak.tail import Order, is_stop
+from yahboomd.core.model import STANDING_M_S
 
 EX_TEMPFAIL = 75
 """The daemon's exit code if standstill was not confirmed."""

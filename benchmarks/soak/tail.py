@@ -12,13 +12,13 @@ from typing import IO, Generic, TypeVar
 
 import msgspec
 
+from yahboomd.core.model import STANDING_M_S
 from yahboomd.simulation.heard import HostBytes
 from yahboomd.simulation.truth import TruthSample
 
 KEEP_NS = 90_000_000_000
 """Older lines are discarded: no check needs them."""
 
-STANDING_M_S = 0.03
 SETTLED_NS = 50_000_000
 
 Line = TypeVar("Line", TruthSample, HostBytes)

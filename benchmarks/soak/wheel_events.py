@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from benchmarks.soak.tail import STANDING_M_S
 from yahboomd.core.messages.native import EventSample
+from yahboomd.core.model import STANDING_M_S
 from yahboomd.simulation.truth import TruthSample
 
 ALARMS = ("runaway_against", "runaway_fast", "no_counts")

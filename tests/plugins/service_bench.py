@@ -10,11 +10,11 @@ from pathlib import Path
 
 from nspawn_machine import Machine, wait_until
 
+from yahboomd.core.model import STANDING_M_S
 from yahboomd.simulation.truth import TruthSample, read_truth
 
 SERVICE = "yahboomd.service"
 PYTHON = "/opt/yahboomd/bin/python3"
-STANDING_M_S = 0.03
 
 DRIVER = """\
 import sys, time, zenoh

@@ -12,10 +12,10 @@ import pytest
 from real_robot import RealRobot, wait_for
 
 from yahboomd.client import NoDaemon, PoseSample, Refused, Robot
+from yahboomd.core.model import STANDING_M_S
 
 pytestmark = pytest.mark.realtime
 
-STANDING_M_S = 0.03
 
 PLAIN = """
 import sys, time

@@ -18,9 +18,9 @@ from web_site import Page
 from websockets.asyncio.client import connect
 from zenoh_fixtures import PATIENCE_S, eventually
 
-pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("page")]
+from yahboomd.core.model import STANDING_M_S
 
-STANDING_M_S = 0.03
+pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("page")]
 
 
 class Served:

@@ -38,7 +38,7 @@ from yahboomd.core.clock import Clock, SystemClock, seconds
 from yahboomd.core.errors import BusError, NoDaemon, Refused
 from yahboomd.core.messages.codecs import encode
 from yahboomd.core.messages.native import EstopRequest, SetPoseRequest, StatusSample, WheelsSample
-from yahboomd.core.model import Twist2d
+from yahboomd.core.model import STANDING_M_S, STANDING_READINGS, Twist2d
 from yahboomd.core.names import name_problem
 
 log = logging.getLogger("yahboomd.client")
@@ -59,12 +59,6 @@ CONFIG_TRIES = 3
 
 OLD_S = 0.3
 """A pose that arrived longer ago is too old to drive by."""
-
-STANDING_M_S = 0.03
-"""A wheel that is slower counts as standing."""
-
-STANDING_SAMPLES = 3
-"""Consecutive samples that must show it: one may have been on its way when the stop was sent."""
 
 
 class AsyncRobot(NewestSamples, RobotMoves):
@@ -325,7 +319,7 @@ class AsyncRobot(NewestSamples, RobotMoves):
                     speeds = [abs(speed) for speed in sample.speed_m_s]
                     stands = bool(speeds) and max(speeds) < STANDING_M_S
                     slow = slow + 1 if stands else 0
-                    if slow >= STANDING_SAMPLES:
+                    if slow >= STANDING_READINGS:
                         return True
         except TimeoutError:
             pass

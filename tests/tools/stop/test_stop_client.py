@@ -10,7 +10,6 @@ import msgspec
 import pytest
 from zenoh_fixtures import free_endpoint
 
-from yahboomd.client.async_robot import STANDING_SAMPLES
 from yahboomd.core.bus import keys
 from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.options import BusOptions
@@ -19,6 +18,7 @@ from yahboomd.core.config import Config
 from yahboomd.core.errors import BusError, Refused
 from yahboomd.core.messages.codecs import encode
 from yahboomd.core.messages.native import ServiceReply, WheelsSample
+from yahboomd.core.model import STANDING_READINGS
 from yahboomd.tools.stop.stop_client import engage, no_daemon, release
 
 pytestmark = [pytest.mark.realtime, pytest.mark.usefixtures("patience")]
@@ -106,7 +106,7 @@ async def test_the_stop_is_engaged_and_the_wheels_are_watched_until_they_stand(r
 
 
 async def test_one_slow_sample_among_fast_ones_is_no_standstill(robot) -> None:
-    robot([0.0] * (STANDING_SAMPLES - 1) + [0.5])
+    robot([0.0] * (STANDING_READINGS - 1) + [0.5])
     done = await engage((robot.endpoint,), CONFIG, within_s=1.0)
     assert done is not None
     assert not done.stood

@@ -25,7 +25,6 @@ from yahboomd.core.daemon.publisher import Outputs
 from yahboomd.core.daemon.recorded_odometer import RecordedOdometer
 from yahboomd.core.daemon.supervisor import storing_opener
 from yahboomd.core.drive.arbiter import Arbiter
-from yahboomd.core.drive.standing import STANDING_M_S
 from yahboomd.core.link import port_note
 from yahboomd.core.link.connected_board import Listener
 from yahboomd.core.link.discovery import candidates, find
@@ -33,6 +32,7 @@ from yahboomd.core.link.port import Opener, Port, PortOptions, open_port
 from yahboomd.core.link.port_identity import identify
 from yahboomd.core.link.session import Session, SessionOptions
 from yahboomd.core.link.tap import NO_TAP, Tap
+from yahboomd.core.model import STANDING_M_S
 from yahboomd.core.odometry.heading import CALIBRATED
 from yahboomd.core.odometry.odometer import Odometer
 from yahboomd.core.program import release_command

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING
 
 from yahboomd.core.counts import slowest
 from yahboomd.core.drive.faults import Fault
-from yahboomd.core.drive.standing import STANDING_M_S
-from yahboomd.core.model import NS_PER_S
+from yahboomd.core.model import NS_PER_S, STANDING_M_S
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -12,6 +12,7 @@ import msgspec
 
 from yahboomd.core.drive.arbitration import Decision
 from yahboomd.core.drive.holds import BOARD_UNFIT, FAULT, WAITING_FOR_BOARD, Hold
+from yahboomd.core.model import STANDING_M_S
 from yahboomd.core.names import source_words
 
 if TYPE_CHECKING:
@@ -21,10 +22,6 @@ if TYPE_CHECKING:
     from yahboomd.core.drive.limiter import AxisCaps
 
 State: TypeAlias = Literal["waiting", "standing", "driving", "stopping", "estopped", "fault"]
-
-
-STANDING_M_S = 0.03
-"""Wheels measured slower than this stand."""
 
 SLOW_RAD_S = 0.1
 """A base that turns slower than this seems to stand."""

@@ -21,10 +21,11 @@ import msgspec
 from yahboomd.core.clock import Clock, nanoseconds, seconds, sleep_until
 from yahboomd.core.counts import unwrapped
 from yahboomd.core.errors import BoardError
-from yahboomd.core.link.line import Line
+from yahboomd.core.link.line import STILL_TICKS_PER_S, Line
 from yahboomd.core.model import CHANNELS, Counts
 from yahboomd.core.protocol.dialect import Dialect
 from yahboomd.core.protocol.settings import BoardSettings
+from yahboomd.tools.port.coming_to_rest import counts_at_rest, cut
 
 LONGEST_S = 0.5
 
@@ -79,15 +80,8 @@ DEAD_SHARE = 0.33
 UNSEEN_S = 0.6
 """A wheel that no counter shows stops within this time of full output, else in proportion."""
 
-STAND_WITHIN_S = 3.0
 SPEED_NS = 15_000_000
 """The counters are renewed every 10 ms: a speed is a mean over this time at least."""
-
-HELD_UP_NS = 100_000_000
-"""A wait that ends this late means that the process did not run."""
-
-CUTS = 3
-"""How often each cut is sent, because a frame may be lost. Cuts repeat until the wheel stands."""
 
 
 class Pulse(msgspec.Struct, frozen=True, kw_only=True):
@@ -322,8 +316,7 @@ class Pulses:
         return max(map(abs, steps)) / self._ticks
 
     def _cut(self) -> None:
-        dialect = self._dialect
-        self._line.writer.stop((dialect.cut or dialect.brake,) * CUTS)
+        cut(self._line, self._dialect)
 
     def _check_reset(self, motors: str, resets: int) -> None:
         if self._line.heard.resets != resets:
@@ -335,32 +328,25 @@ class Pulses:
 
     async def _standing(self, motors: str, resets: int) -> Counts:
         """Wait until every wheel stands; returns the counters."""
-        line, clock = self._line, self._clock
-        line.watch.reset()
-        end_ns = clock.now_ns() + nanoseconds(STAND_WITHIN_S)
-        cut_ns = clock.now_ns() + nanoseconds(0.1)
-        while not line.watch.standing:
-            self._check_reset(motors, resets)
-            if clock.now_ns() >= end_ns:
-                if line.watch.speed is None:
-                    raise BoardError(
-                        f"{line.port.name}: {motors} was let go, and no counts come.",
-                        remedy="Is the cable long or noisy? Try `yahboomd probe`.",
-                    )
+        line = self._line
+        counts = await counts_at_rest(
+            line,
+            self._cut,
+            still_ticks_per_s=STILL_TICKS_PER_S,
+            check=lambda: self._check_reset(motors, resets),
+        )
+        if counts is None:
+            if line.watch.speed is None:
                 raise BoardError(
-                    f"{line.port.name}: {motors} was let go, and a wheel turns.",
-                    remedy="Take your hands off the wheels. If one turns by itself, switch the "
-                    "motors' supply off: its driver may be broken.",
+                    f"{line.port.name}: {motors} was let go, and no counts come.",
+                    remedy="Is the cable long or noisy? Try `yahboomd probe`.",
                 )
-            if clock.now_ns() >= cut_ns:
-                self._cut()
-                cut_ns = clock.now_ns() + nanoseconds(0.1)
-            until_ns = min(cut_ns, end_ns)
-            await self._counted(until_ns)
-            # Time in which this process did not run is no proof of a turning wheel.
-            end_ns += max(0, clock.now_ns() - until_ns - HELD_UP_NS)
-        assert line.ticks is not None
-        return line.ticks
+            raise BoardError(
+                f"{line.port.name}: {motors} was let go, and a wheel turns.",
+                remedy="Take your hands off the wheels. If one turns by itself, switch the "
+                "motors' supply off: its driver may be broken.",
+            )
+        return counts
 
     async def _counted(self, until_ns: int) -> None:
         """Wait for the next counts, at most until ``until_ns``."""

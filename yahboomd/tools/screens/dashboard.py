@@ -43,7 +43,7 @@ NEWS_NS = 10 * NS_PER_S
 SMALLEST_M_S = 0.1
 """The smallest scale of the bars."""
 
-STANDING_M_S = 0.005
+SHOWN_M_S = 0.005
 """Slower speeds hardly show in the numbers of a screen."""
 
 MAX_EVENTS = 200
@@ -119,7 +119,7 @@ class View(msgspec.Struct, frozen=True, kw_only=True):
     def moving(self) -> bool:
         """Whether a wheel moves, by command or by measurement."""
         return not self.late and any(
-            command_m_s != 0.0 or abs(speed_m_s) > STANDING_M_S
+            command_m_s != 0.0 or abs(speed_m_s) > SHOWN_M_S
             for _, _, speed_m_s, command_m_s in self.wheel_rows
         )
 

@@ -24,6 +24,7 @@ from yahboomd.core.link.port import Opener
 from yahboomd.core.model import CHANNELS, NS_PER_S, Counts, EncoderReading, Motor
 from yahboomd.core.protocol.dialect import Dialect, Motion
 from yahboomd.core.protocol.settings import BoardSettings
+from yahboomd.tools.port.coming_to_rest import counts_at_rest, cut
 from yahboomd.tools.port.guarded import GuardedPort, guarded
 from yahboomd.tools.tune import wheel_faults
 from yahboomd.tools.tune.line_faults import LineFault, line_blamed
@@ -31,19 +32,13 @@ from yahboomd.tools.tune.traces import Traces, traces_of
 from yahboomd.tools.tune.wheel_faults import WheelFault
 
 LOOK_NS = 10_000_000
-HELD_UP_NS = 100_000_000
-"""A check that comes later than this was delayed."""
-
 BEAT_NS = 200_000_000
 POLL_NS = 20_000_000
 POLL_TIMEOUT_NS = 100_000_000
 
 SILENT_NS = 800_000_000
-STAND_WITHIN_S = 3.0
 STILL_TICKS_PER_S = 20.0
 """One count more or less in the window of a standstill. Less would count wheels that roll out."""
-
-CUTS = 3
 
 RAMP_UNITS_PER_S = 800.0
 RAMP_TURNS = 0.15
@@ -348,31 +343,22 @@ class Stand:
     def _cut(self) -> None:
         self._expected = None
         self._line.writer.quiet()
-        self._line.writer.stop((self.dialect.cut or self.dialect.brake,) * CUTS)
+        cut(self._line, self.dialect)
 
     async def _stand(self) -> Counts:
         """Wait until every wheel stands; return the counters then."""
-        line, clock = self._line, self._clock
-        line.watch.reset()
-        end_ns = clock.now_ns() + nanoseconds(STAND_WITHIN_S)
-        again_ns = clock.now_ns() + nanoseconds(0.1)
-        while (speed := line.watch.speed) is None or speed > STILL_TICKS_PER_S:
-            now_ns = clock.now_ns()
-            if now_ns >= end_ns:
-                if now_ns - self._heard_ns > SILENT_NS:
-                    raise self._silent()
-                raise BoardError(
-                    f"{line.port.name}: the motors are cut, and a wheel still turns.",
-                    remedy="Switch the supply of the motors off.",
-                )
-            if now_ns >= again_ns:
-                self._cut()
-                again_ns = now_ns + nanoseconds(0.1)
-            await sleep_until(clock, now_ns + LOOK_NS)
-            # While this process does not run, it cannot see wheels stop: extend the deadline.
-            end_ns += max(0, clock.now_ns() - now_ns - HELD_UP_NS)
-        assert line.ticks is not None
-        return line.ticks
+        line = self._line
+        counts = await counts_at_rest(
+            line, self._cut, still_ticks_per_s=STILL_TICKS_PER_S, check=lambda: None
+        )
+        if counts is None:
+            if self._clock.now_ns() - self._heard_ns > SILENT_NS:
+                raise self._silent()
+            raise BoardError(
+                f"{line.port.name}: the motors are cut, and a wheel still turns.",
+                remedy="Switch the supply of the motors off.",
+            )
+        return counts
 
     async def _poll(self, frame: bytes) -> None:
         while True:

@@ -23,8 +23,8 @@ from typing import Any
 
 from yahboomd.core.bus.blocking import bounded
 from yahboomd.core.daemon.estop.local_socket import Listening, Peer, listen, peer_of
-from yahboomd.core.drive.standing import STANDING_M_S
 from yahboomd.core.messages.native import ServiceReply
+from yahboomd.core.model import STANDING_M_S, STANDING_READINGS
 from yahboomd.core.program import readable
 
 log = logging.getLogger(__name__)
@@ -54,9 +54,6 @@ LOOK_S = 5.0
 PAUSE_S = 0.1
 """The pause after connections could not be accepted, for example without descriptors."""
 
-SAMPLES = 3
-"""The readings in a row that must show standing wheels."""
-
 
 class _Watch:
     """Watches the readings after a stop until the wheels stand."""
@@ -68,7 +65,7 @@ class _Watch:
 
     @property
     def stands(self) -> bool:
-        return self._slow >= SAMPLES
+        return self._slow >= STANDING_READINGS
 
     def observe(self, fastest_m_s: float) -> None:
         self.fastest_m_s = fastest_m_s
