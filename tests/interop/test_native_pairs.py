@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import subprocess
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -15,6 +16,8 @@ from pathlib import Path
 import pytest
 from real_robot import Client, RealRobot, wait_for
 from ros_peers import HERE, Peer, built, start_peer
+
+from benchmarks.rig import share_of_core, usage
 
 pytestmark = pytest.mark.realtime
 
@@ -134,6 +137,29 @@ def test_drive_and_estop_beside_nodes_that_come_and_go(natively, start, client):
         onlooker.in_state("standing")
     # It knows every node that is there, and has joined none of them.
     assert connections_out(natively) == []
+
+
+def test_memory_does_not_grow_with_nodes_that_come_and_go(natively, start, capsys):
+    """How much CPU they take is printed: as a share of a core, alone and beside them."""
+    pid = natively.daemon.process.pid
+    alone_s = time.monotonic() + 4.0
+    before = usage(pid)
+    wait_for(lambda: time.monotonic() > alone_s, "four seconds")
+    figures = [(before, usage(pid))]
+    crowd = start(
+        [str(built("sdk")), str(HERE / "sdk_crowd.py"), natively.endpoint, "0", f"{CROWD}"]
+    )
+    for replaced in (10, 40):
+        crowd.await_event(lambda e: e["event"] == "replaced", "a node to be replaced")
+        seen, before = len(crowd.events), usage(pid)
+        wait_for(lambda end=seen + replaced: len(crowd.events) >= end, "nodes to be replaced")
+        figures.append((before, usage(pid)))
+    alone_mb, first_mb, second_mb = (after.rss_mb for _, after in figures)
+    with capsys.disabled():
+        cpu = ", ".join(f"{100.0 * share_of_core(*each):.1f}" for each in figures)
+        print(f"\n{CROWD} nodes: CPU {cpu} %; {alone_mb:.1f}, {first_mb:.1f}, {second_mb:.1f} MB")
+    assert first_mb < alone_mb + 20.0
+    assert second_mb < first_mb + 4.0
 
 
 def ros2(endpoint: str, *words: str) -> str:
