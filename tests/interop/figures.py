@@ -21,7 +21,8 @@ from real_robot import Client, RealRobot
 from ros_peers import DISTROS, until
 
 from benchmarks.latency import UNLIMITED
-from benchmarks.report import quantile
+from benchmarks.report import median, quantile
+from benchmarks.rig import share_of_core, usage
 from yahboomd.simulation.heard import read_heard
 
 pytestmark = [pytest.mark.realtime, pytest.mark.timeout(1800)]
@@ -161,3 +162,44 @@ def test_lives(ros_bridge, start_ros_node, robot, capsys):
         assert driven.daemon.end() == 0
         if life < LIVES:
             driven.start_daemon().says("Connected")
+
+
+TOPICS = {
+    "all topics": (),
+    "without /odom": ("ros2.odom=false",),
+    "without /tf": ("ros2.publish_tf=false",),
+    "without /joint_states": ("ros2.joint_states=false",),
+    "without /battery_state": ("ros2.battery_state=false",),
+    "without /diagnostics": ("ros2.diagnostics=false",),
+    "/odom alone": tuple(
+        f"ros2.{topic}=false"
+        for topic in ("publish_tf", "joint_states", "battery_state", "diagnostics")
+    ),
+    "at 20 Hz": ("odometry.publish_rate_hz=20",),
+}
+READERS = {"nobody": (), "all topics": ("rviz", "tf2_ros", "robot_state_publisher", "panel")}
+
+
+def test_costs_by_topic(ros_bridge, start_ros_node, robot, capsys):
+    """CPU of daemon and bridge, % of a core, in three rounds; and what each topic costs of it."""
+    shares = {}
+    for readers, consumers in READERS.items():
+        if consumers:
+            start_ros_node(*consumers)
+        for _ in range(3):
+            for name, settings in TOPICS.items():
+                driven = robot(ros_bridge.endpoint, *settings)
+                pids = driven.daemon.process.pid, ros_bridge.process.pid
+                time.sleep(1.0)
+                before = [usage(pid) for pid in pids]
+                time.sleep(5.0)
+                pairs = zip(before, (usage(pid) for pid in pids), strict=True)
+                figures = [100.0 * share_of_core(*pair) for pair in pairs]
+                shares.setdefault((readers, name), []).append(figures)
+                driven.close()
+    show(capsys, "read by | published | daemon, % | bridge, % | both, times all topics")
+    for (readers, name), found in shares.items():
+        daemon, bridge = (median(column) for column in zip(*found, strict=True))
+        whole = zip(found, shares[readers, "all topics"], strict=True)
+        ratio = median([sum(part) / sum(of) for part, of in whole])
+        show(capsys, f"{readers} | {name} | {daemon:.1f} | {bridge:.1f} | {ratio:.2f}")
