@@ -177,7 +177,7 @@ TOPICS = {
     ),
     "at 20 Hz": ("odometry.publish_rate_hz=20",),
 }
-READERS = {"nobody": (), "all topics": ("rviz", "tf2_ros", "robot_state_publisher", "panel")}
+READERS = {"no node": (), "all topics": ("rviz", "tf2_ros", "robot_state_publisher", "panel")}
 
 
 def test_costs_by_topic(ros_bridge, start_ros_node, robot, capsys):
