@@ -747,7 +747,7 @@ def test_unless_it_is_configured_a_heading_is_the_wheels(kit):
 def test_what_the_steering_corrects_is_no_slip_to_the_gyro(kit):
     rig = Rig(kit)
     car = msgspec.structs.replace(
-        kit.differential(), name="ackermann", base_m=0.2, least_radius_m=0.3
+        kit.differential(), name="ackermann", base_m=0.2, least_radius_m=0.3, turn_slip=0.01
     )
     rig.odometer = Odometer(car, kit.motors(), fused=True, gyro_scale=0.0)
     for number in range(400):
@@ -789,7 +789,7 @@ def test_the_tick_of_a_board_is_known_where_it_streams(kit):
 def test_a_car_without_a_gyro_turns_as_it_is_steered(kit):
     rig = Rig(kit)
     car = msgspec.structs.replace(
-        kit.differential(), name="ackermann", base_m=0.2, least_radius_m=0.3
+        kit.differential(), name="ackermann", base_m=0.2, least_radius_m=0.3, turn_slip=0.01
     )
     rig.odometer = Odometer(car, kit.motors())
     for number in range(1, 101):
