@@ -8,7 +8,7 @@
 
 static const char *usage =
     "usage: robot pose | status | estop | release | set-pose X Y THETA | config\n"
-    "             | square [SIDE] | decode PoseSample|StatusSample|ServiceReply\n";
+    "             | square [SIDE] | moves [SIDE] | decode PoseSample|StatusSample|ServiceReply\n";
 
 const char *endpoint(void) {
     const char *robot = getenv("ROBOT");
@@ -27,9 +27,8 @@ static void show(json_t *message) {
     putchar('\n');
 }
 
-/* The answer to a query, as `name` or as a ServiceReply; NULL where none came. */
-static json_t *ask(const z_loaned_session_t *session, const char *key_name, const char *payload,
-                   const char *name, bool *is_sample) {
+json_t *ask(const z_loaned_session_t *session, const char *key_name, const char *payload,
+            const char *name, bool *is_sample) {
     char key[256];
     z_view_keyexpr_t expression;
     z_view_keyexpr_from_str(&expression, full_key(key_name, key));
@@ -80,6 +79,8 @@ static int run(z_owned_session_t *session, int count, char **words) {
         snprintf(payload, sizeof payload, "{\"x\": %.17g, \"y\": %.17g, \"theta\": %.17g}",
                  atof(words[2]), atof(words[3]), atof(words[4]));
     }
+    if (strcmp(command, "moves") == 0)
+        return drive_moves(z_loan(*session), count > 2 ? atof(words[2]) : 1.0);
     json_t *answer = ask(z_loan(*session), key, *payload ? payload : NULL, message, &is_sample);
     if (answer == NULL) return NO_DAEMON;
     int code = DONE;
@@ -112,12 +113,13 @@ static int decode(const char *name) {
 }
 
 static bool right_words(int count, char **words) {
-    static const char *const plain[] = {"pose", "status", "estop", "release", "config", "square"};
+    static const char *const plain[] = {"pose",   "status", "estop", "release",
+                                        "config", "square", "moves"};
     char *end = "";
     for (int i = 2; i < count && *end == '\0'; i++) strtod(words[i], &end);
     if (count < 2 || *end != '\0') return false;
     for (size_t i = 0; i < sizeof plain / sizeof *plain; i++)
-        if (strcmp(words[1], plain[i]) == 0) return count == 2 || (i == 5 && count == 3);
+        if (strcmp(words[1], plain[i]) == 0) return count == 2 || (i >= 5 && count == 3);
     return strcmp(words[1], "set-pose") == 0 && count == 5;
 }
 

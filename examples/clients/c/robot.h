@@ -1,4 +1,4 @@
-/* What robot.c and square.c share. */
+/* What the files of this program share. */
 #ifndef ROBOT_H
 #define ROBOT_H
 
@@ -18,6 +18,11 @@ json_t *read_sample(const char *name, const z_loaned_sample_t *sample);
 /* WILL_NOT_MOVE where the status says so, else DONE. */
 int check_status(json_t *status);
 bool open_session(z_owned_session_t *session);
+/* The answer to a query, as `name` or as a ServiceReply; NULL where none came. */
+json_t *ask(const z_loaned_session_t *session, const char *key_name, const char *payload,
+            const char *name, bool *is_sample);
+/* Drives a square by moves. */
+int drive_moves(const z_loaned_session_t *session, double side);
 /* Drives; may replace the session by a new one. */
 int drive_square(z_owned_session_t *session, double side);
 

@@ -45,6 +45,18 @@ class ServiceReply(msgspec.Struct):
     data: dict[str, Any] = {}
 
 
+class MoveSample(msgspec.Struct):
+    stamp_ns: Stamp
+    id: str
+    state: str
+    done: float
+    left_m: float
+    left_rad: float
+    left_s: float
+    reason: str = ""
+    message: str = ""
+
+
 def key(name: str) -> str:
     return f"{NAMESPACE}/{name}" if NAMESPACE else name
 

@@ -11,16 +11,18 @@ import sys
 import msgspec
 import zenoh
 from messages import ROBOT, PoseSample, ServiceReply, StatusSample, fail, key
+from moves import drive_moves
 from square import Square
 
 USAGE = """usage: robot.py pose | status | estop | release | set-pose X Y THETA | config
-                | square [SIDE] | decode PoseSample|StatusSample|ServiceReply"""
+                | square [SIDE] | moves [SIDE] | decode PoseSample|StatusSample|ServiceReply"""
 
 MESSAGES = {each.__name__: each for each in (PoseSample, StatusSample, ServiceReply)}
 NUMBERS = {
     **dict.fromkeys(("pose", "status", "estop", "release", "config"), (0,)),
     "set-pose": (3,),
     "square": (0, 1),
+    "moves": (0, 1),
 }
 SERVICES = {
     "estop": "yahboomd/estop",  # any payload engages, also none
@@ -52,6 +54,14 @@ def ask(session: zenoh.Session, name: str, payload: str | None = None) -> tuple[
     if answer is None:
         fail(69, f"Nothing at {ROBOT} answers {key(name)}. Is yahboomd running, in this NAMESPACE?")
     return answer.payload.to_bytes(), str(answer.encoding).partition(";")[2]
+
+
+def ask_moves(session: zenoh.Session, name: str, payload: str) -> ServiceReply:
+    replies = session.get(key(name), payload=payload, timeout=5.0)
+    answer = next((reply.ok for reply in replies if reply.ok is not None), None)
+    if answer is None:
+        fail(69, f"No `yahboomd moves` answers at {ROBOT}. Start it beside yahboomd.")
+    return msgspec.json.decode(answer.payload.to_bytes(), type=ServiceReply)
 
 
 def call(session: zenoh.Session, name: str, payload: str | None = None) -> int:
@@ -92,6 +102,11 @@ def main(command: str = "", *words: str) -> int:
             show(newest(session, "yahboomd/pose", PoseSample))
         elif command == "status":
             show(newest(session, "yahboomd/status", StatusSample))
+        elif command == "moves":
+            end = drive_moves(session, ask_moves, *numbers)
+            show(end)
+            if end.reason != "reached":
+                fail(75, end.message)
         else:
             Square(session).drive(*numbers)
     return 0

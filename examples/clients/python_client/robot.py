@@ -10,12 +10,21 @@ import sys
 
 import msgspec
 
-from yahboomd.client import NoDaemon, PoseSample, Robot, ServiceReply, StatusSample
+from yahboomd.client import (
+    Move,
+    MoveEnded,
+    NoDaemon,
+    PoseSample,
+    Refused,
+    Robot,
+    ServiceReply,
+    StatusSample,
+)
 
 ROBOT = os.environ.get("ROBOT", "tcp/127.0.0.1:7448")
 NAMESPACE = os.environ.get("NAMESPACE", "")
 USAGE = """usage: robot.py pose | status | estop | release | set-pose X Y THETA | config
-                | square [SIDE] | decode PoseSample|StatusSample|ServiceReply"""
+                | square [SIDE] | moves [SIDE] | decode PoseSample|StatusSample|ServiceReply"""
 
 STALE_S = 0.3  # A command lasts no longer: without poses the robot stops.
 PATIENCE_S = 30.0
@@ -28,6 +37,7 @@ NUMBERS = {
     **dict.fromkeys(("pose", "status", "estop", "release", "config"), (0,)),
     "set-pose": (3,),
     "square": (0, 1),
+    "moves": (0, 1),
 }
 SERVICES = {
     "estop": "yahboomd/estop",
@@ -117,6 +127,18 @@ class Square:
         self.theta += turned
 
 
+def drive_moves(robot: Robot, side: float = 1.0) -> None:
+    """Drive the square by `yahboomd moves`; leaving the block early ends them."""
+    corner = (Move(kind="straight", distance_m=side), Move(kind="turn", angle_rad=math.pi / 2))
+    try:
+        with robot.moves(*corner * 4) as run:
+            for progress in run:
+                print(f"{progress.done:.0%}, {progress.left_s:.1f} s are left", flush=True)
+            show(run.finished())
+    except (MoveEnded, Refused) as ended:
+        raise Failure(75, str(ended)) from ended
+
+
 def wrap(angle: float) -> float:
     return math.remainder(angle, math.tau)
 
@@ -143,6 +165,9 @@ def main(command: str = "", *words: str) -> int:
             return call(robot, command, numbers)
         if command == "square":
             Square(robot).drive(*numbers)
+            return 0
+        if command == "moves":
+            drive_moves(robot, *numbers)
             return 0
         sample = robot.get(PoseSample if command == "pose" else StatusSample)
         if sample is None:

@@ -8,6 +8,7 @@ use serde::{de::DeserializeOwned, Serialize};
 use serde_json::json;
 use zenoh::{query::QueryTarget, sample::Sample, Session, Wait};
 
+mod moves;
 mod square;
 
 // The types are made of the schemas at compile time; they refuse what the schemas refuse.
@@ -20,12 +21,16 @@ mod status {
 mod reply {
     typify::import_types!("../../../schemas/ServiceReply.json");
 }
+mod moved {
+    typify::import_types!("../../../schemas/MoveSample.json");
+}
+use moved::MoveSample;
 use pose::PoseSample;
 use reply::ServiceReply;
 use status::StatusSample;
 
 const USAGE: &str = "usage: robot pose | status | estop | release | set-pose X Y THETA | config
-             | square [SIDE] | decode PoseSample|StatusSample|ServiceReply";
+             | square [SIDE] | moves [SIDE] | decode PoseSample|StatusSample|ServiceReply";
 
 /// An exit code (sysexits.h), and what went wrong.
 struct Failure(i32, String);
@@ -152,6 +157,8 @@ fn run(words: &[&str]) -> Outcome<()> {
             let pose = json!({"x": number(x)?, "y": number(y)?, "theta": number(theta)?});
             call("yahboomd/odometry/set_pose", pose.to_string())?
         }
+        ["moves"] => moves::square(1.0)?,
+        ["moves", side] => moves::square(number(side)?)?,
         ["square"] => square::square(1.0)?,
         ["square", side] => square::square(number(side)?)?,
         ["decode", message @ ("PoseSample" | "StatusSample" | "ServiceReply")] => decode(message)?,
