@@ -34,7 +34,11 @@ pub fn square(side: f64) -> Outcome<()> {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap();
     let holder = format!("{}-{}", std::process::id(), now.as_nanos());
     let token = key(&format!("yahboomd/moves/holder/{holder}"));
-    let _token = session.liveliness().declare_token(token).wait().map_err(failed)?;
+    let _token = session
+        .liveliness()
+        .declare_token(token)
+        .wait()
+        .map_err(failed)?;
     let progress = session
         .declare_subscriber(key("yahboomd/moves"))
         .with(RingChannel::new(1))
@@ -53,7 +57,9 @@ pub fn square(side: f64) -> Outcome<()> {
     let mut heard = Instant::now();
     // One loop reads and sends: one that stalls sends no beat, and the robot stops.
     while heard.elapsed() < SILENCE {
-        let _ = session.put(key("yahboomd/moves/beat"), chosen.clone()).wait();
+        let _ = session
+            .put(key("yahboomd/moves/beat"), chosen.clone())
+            .wait();
         sleep(BEAT);
         if ended.load(Relaxed) {
             request(&session, "yahboomd/moves/cancel", chosen)?;
@@ -78,5 +84,8 @@ pub fn square(side: f64) -> Outcome<()> {
             };
         }
     }
-    Err(Failure(69, "`yahboomd moves` is gone: the robot stops by itself.".into()))
+    Err(Failure(
+        69,
+        "`yahboomd moves` is gone: the robot stops by itself.".into(),
+    ))
 }
