@@ -55,7 +55,7 @@ can be sent, and a bound on the cost of a flood of commands."""
 
 IDLE_NS = 100_000_000
 """The period of the control step while the wheels stand and nothing commands them. A command, a
-stop and a wheel that turns do not wait for it."""
+stop or a turning wheel causes a step at once."""
 
 PERSONS = (CMD_VEL_TELEOP, CMD_VEL_WEB)
 """The sources by which people drive."""
@@ -468,7 +468,7 @@ class Controller:
         self._limiter.halt()
         self.control_step()
 
-    # Requests of people (daemon.requests).
+    # Requests of people (`requests.Operator`).
 
     def stop_now(self, event: Event | None = None) -> None:
         """Send a stop before everything else that is under way.

@@ -34,7 +34,7 @@ ENDING = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 """The signals that ask for an orderly end: status 0."""
 
 SUSPENDING = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)
-"""The signals with which a terminal suspends its programs."""
+"""The signals that suspend a terminal's programs."""
 
 BACK_OFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)
 """Waits between attempts; the last one repeats."""
@@ -59,7 +59,7 @@ KILLING = _others()
 
 
 def deadly() -> list[int]:
-    """Every signal that would end the process now: one that is ignored stays ignored."""
+    """Every signal that would end this process, daemon or command; an ignored one stays ignored."""
     return [*ENDING, *(each for each in KILLING if signal.getsignal(each) is signal.SIG_DFL)]
 
 

@@ -119,7 +119,7 @@ class Daemon:
             raise
 
     async def _take_over(self) -> bool:
-        """Stop wheels that an earlier daemon left turning: a session waits for the bus.
+        """Stop wheels that an earlier daemon left turning: sessions begin once the bus is open.
 
         Returns:
             Whether a stop was sent: a port that is not there yet is tried again.
@@ -141,7 +141,7 @@ class Daemon:
     def _uncaught(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
         """End the daemon after an error in a callback, which has no task to fail."""
         loop.default_exception_handler(context)
-        # Transport errors also reach their owner; a result without a reader moves nothing.
+        # A transport's error also reaches its owner; an unread exception moves no wheel.
         if not context.keys() & {"transport", "future", "task"}:
             self._callback_failed.set()
 
@@ -233,7 +233,7 @@ class Daemon:
             fault = group
             raise
         finally:
-            # Even if it was switched off: a ring that is left counts as one of a killed daemon.
+            # Even if it was switched off: a ring left on disk looks like a killed daemon's.
             recorders.call("The end of the black box", box.close, fault)
             local.close()
             controller.close()
@@ -338,7 +338,7 @@ class Daemon:
             "why": why,
         }
 
-    # Callbacks of the control path (control.Outputs).
+    # Callbacks of the control path (`publisher.Outputs`).
 
     def estimate(self, estimate: OdometryEstimate, command_m_s: tuple[float, ...]) -> None:
         self._local.observe(estimate.motor_speed_m_s)

@@ -49,9 +49,9 @@ window, at most 25 mm/s at the rim with any of the vendor's gears that has an en
 
 NOISY_DAMAGES = 5
 NOISY_NS = 10_000_000_000
-"""A line with this many damages in this time damages more, in the other direction too. A board
-that was reset cuts a line or two; and a question without an answer is no damage, because a busy
-computer causes such, too."""
+"""A line that damaged this many received chunks in this time probably damages sent ones too. A
+board that is reset cuts a line or two. A missing answer does not count: a busy computer causes
+those."""
 
 CUT_NS = 100_000_000
 """A line that was cut because the process did not read comes within this time, and is no damage."""

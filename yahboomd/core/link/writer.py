@@ -1,4 +1,4 @@
-"""The first of the two coroutines that share the stream: it drains the outbox.
+"""Writes what the outbox holds to the port, as soon as the line allows it.
 
 One command is in flight at a time, because a board may keep no more than one: after a frame the
 line is closed until its bytes are out and the dialect's spacing is over. If the frame has an
@@ -43,8 +43,8 @@ class Spacing(msgspec.Struct, frozen=True, kw_only=True):
 
 
 UNANSWERED = 256
-"""More questions than are asked until a silent board is given up: answers that were held back for
-this time come all at once, in their order."""
+"""The most unanswered questions that are remembered: more than are asked before a silent board is
+given up. Late answers arrive together, in their order."""
 
 HELD_BACK_NS = 100_000_000
 LATEST_ANSWER_NS = 300_000_000
@@ -59,7 +59,7 @@ class Writer:
 
     Attributes:
         spacing: As given; the dialect's own, once it is known.
-        resync: Sent before each speed and each stop, which half a frame would swallow.
+        resync: Sent before each speed and stop: half a frame left in the board swallows this.
         closed: Nothing is written: the last frames are the line's.
         on_sent: Called with its lane when a frame is written to the port.
         on_slow: Called once, with the bytes per second, if the port sends slower than its rate.

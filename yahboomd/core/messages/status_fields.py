@@ -14,7 +14,7 @@ GroupName: TypeAlias = Literal["board", "link", "command", "sources", "bus"]
 """A group of the status; ``sources`` has the counters of one command source."""
 
 FieldKind: TypeAlias = Literal["counter", "gauge", "text"]
-"""A counter only grows until the daemon ends; a gauge is a number that also falls."""
+"""A counter counts, and only grows until the daemon ends; a gauge is any other number."""
 
 
 class StatusField(msgspec.Struct, frozen=True, kw_only=True):

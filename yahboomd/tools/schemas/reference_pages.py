@@ -42,7 +42,7 @@ lists everything in them. `make schemas` generates it from
 `yahboomd/core/messages/status_fields.py`.
 
 A **counter** starts at 0 with the daemon, only grows, and is present in every status. A **gauge**
-is a number that also falls. A **text** is for people. If a fact may be missing, its line tells
+is any other number. A **text** is for people. If a fact may be missing, its line tells
 when.
 
 {groups}
