@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import errno
 import os
 
 import pytest
 
 from yahboomd.core import errors
-from yahboomd.core.errors import ConfigError, LinkError, PortDenied, YahboomdError, shortage
+from yahboomd.core.errors import ConfigError, LinkError, PortDenied, YahboomdError
 
 
 def test_what_a_person_reads_is_the_message_and_the_remedy() -> None:
@@ -28,35 +27,6 @@ def test_without_a_remedy_nothing_trails() -> None:
 def test_statuses_are_those_of_sysexits(error: type[YahboomdError], status: int) -> None:
     assert error.exit_code == status
     assert os.EX_CONFIG == 78
-
-
-class PanicException(BaseException):
-    """Zenoh's panics are no Exceptions either."""
-
-
-@pytest.mark.parametrize(
-    ("error", "words"),
-    [
-        (OSError(errno.EMFILE, "Too many open files"), "Too many open files"),
-        (MemoryError(), "no memory is left"),
-        (RuntimeError("can't start new thread"), "no thread can be started"),
-        (PanicException("OS can't spawn worker thread: (os error 11)"), "no thread can be started"),
-        (PanicException("Failed to init net"), "Zenoh cannot start its threads"),
-        (ImportError("/x.so: failed to map segment from shared object"), "no memory is left"),
-    ],
-)
-def test_a_shortage_is_known_by_its_error(error: BaseException, words: str) -> None:
-    found = shortage(error)
-    assert found is not None
-    assert found.message == f"The system gives this process too little: {words}."
-    assert found.exit_code == os.EX_OSERR
-
-
-@pytest.mark.parametrize(
-    "error", [OSError(errno.ENOENT, "x"), RuntimeError("x"), SystemExit("Failed to init net")]
-)
-def test_another_error_is_no_shortage(error: BaseException) -> None:
-    assert shortage(error) is None
 
 
 def test_every_error_is_one_of_the_tree() -> None:

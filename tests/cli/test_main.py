@@ -391,3 +391,32 @@ def test_a_bug_keeps_its_traceback_and_its_status_while_a_thread_runs():
     )
     assert done.returncode == 1
     assert done.stderr.rstrip().endswith("ZeroDivisionError: division by zero")
+
+
+class PanicException(BaseException):
+    """Zenoh's panics are no Exceptions either."""
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (OSError(errno.EMFILE, "Too many open files"), "Too many open files"),
+        (MemoryError(), "no memory is left"),
+        (RuntimeError("can't start new thread"), "no thread can be started"),
+        (PanicException("OS can't spawn worker thread: (os error 11)"), "no thread can be started"),
+        (PanicException("Failed to init net"), "Zenoh cannot start its threads"),
+        (ImportError("/x.so: failed to map segment from shared object"), "no memory is left"),
+    ],
+)
+def test_a_shortage_is_known_by_its_error(error: BaseException, words: str) -> None:
+    found = cli._shortage(error)
+    assert found is not None
+    assert found.message == f"The system gives this process too little: {words}."
+    assert found.exit_code == os.EX_OSERR
+
+
+@pytest.mark.parametrize(
+    "error", [OSError(errno.ENOENT, "x"), RuntimeError("x"), SystemExit("Failed to init net")]
+)
+def test_another_error_is_no_shortage(error: BaseException) -> None:
+    assert cli._shortage(error) is None

@@ -21,7 +21,7 @@ from types import ModuleType
 from typing import NoReturn, Protocol, TypeAlias, cast
 
 from yahboomd import __version__
-from yahboomd.core.errors import YahboomdError, shortage
+from yahboomd.core.errors import LimitError, YahboomdError
 from yahboomd.core.program import COMMANDS, install_command, pasteable, readable
 
 EXTRAS = {
@@ -52,6 +52,16 @@ a first drive, without a robot:
 
 
 Subparsers: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"  # noqa: SLF001
+
+_SHORTAGES = (errno.EMFILE, errno.ENFILE, errno.ENOMEM)
+
+_SIGNS = {
+    "can't start new thread": "no thread can be started",
+    "can't spawn worker thread": "no thread can be started",
+    "Failed to init": "Zenoh cannot start its threads",
+    "failed to map segment": "no memory is left",
+}
+"""Texts of threading, of Zenoh's panics (no :class:`Exception`), and of the loader of libraries."""
 
 
 class CommandModule(Protocol):
@@ -151,7 +161,7 @@ def _run(arguments: list[str]) -> int:
         _drop_output()
         return 128 + signal.SIGPIPE
     except BaseException as error:
-        if (limit := shortage(error)) is not None:
+        if (limit := _shortage(error)) is not None:
             _print_error(str(limit))
             return limit.exit_code
         if not isinstance(error, OSError):
@@ -165,6 +175,23 @@ def _run(arguments: list[str]) -> int:
             raise
         return os.EX_IOERR
     return status
+
+
+def _shortage(error: BaseException) -> LimitError | None:
+    """The limit of the system that caused an error; None for any other error."""
+    words = "no memory is left" if isinstance(error, MemoryError) else ""
+    if isinstance(error, OSError) and error.errno in _SHORTAGES:
+        words = os.strerror(error.errno)
+    elif not isinstance(error, OSError | SystemExit):
+        said = str(error)
+        words = words or next((_SIGNS[sign] for sign in _SIGNS if sign in said), "")
+    if not words:
+        return None
+    return LimitError(
+        f"The system gives this process too little: {words}.",
+        remedy="`ulimit -a` shows the limits of this shell; a service has its own (LimitNOFILE=, "
+        "TasksMax=, MemoryMax=).",
+    )
 
 
 def _drop_output() -> None:

@@ -22,7 +22,6 @@ Bad bytes, from the wire or from the bus, are no exceptions: they are counted.
 
 from __future__ import annotations
 
-import errno
 import os
 from typing import ClassVar
 
@@ -122,31 +121,3 @@ class LimitError(YahboomdError):
     """The system gives this process too few files or threads, or too little memory."""
 
     exit_code = os.EX_OSERR
-
-
-_SHORTAGES = (errno.EMFILE, errno.ENFILE, errno.ENOMEM)
-
-_SIGNS = {
-    "can't start new thread": "no thread can be started",
-    "can't spawn worker thread": "no thread can be started",
-    "Failed to init": "Zenoh cannot start its threads",
-    "failed to map segment": "no memory is left",
-}
-"""Texts of threading, of Zenoh's panics (no :class:`Exception`), and of the loader of libraries."""
-
-
-def shortage(error: BaseException) -> LimitError | None:
-    """The limit of the system that caused an error; None for any other error."""
-    words = "no memory is left" if isinstance(error, MemoryError) else ""
-    if isinstance(error, OSError) and error.errno in _SHORTAGES:
-        words = os.strerror(error.errno)
-    elif not isinstance(error, OSError | SystemExit):
-        said = str(error)
-        words = words or next((_SIGNS[sign] for sign in _SIGNS if sign in said), "")
-    if not words:
-        return None
-    return LimitError(
-        f"The system gives this process too little: {words}.",
-        remedy="`ulimit -a` shows the limits of this shell; a service has its own (LimitNOFILE=, "
-        "TasksMax=, MemoryMax=).",
-    )
