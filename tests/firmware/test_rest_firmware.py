@@ -43,7 +43,7 @@ async def driven(folder: Path, motor: str) -> RobotBench:
     return bench
 
 
-@pytest.mark.parametrize("motor", of_all(MOTORS, every=2, first=1))
+@pytest.mark.parametrize("motor", of_all(MOTORS, every=3, first=1))
 @on_virtual_time
 async def test_at_rest_no_motor_has_output_and_the_next_motion_begins_without_a_jerk(
     tmp_path: Path, motor: str
