@@ -84,7 +84,7 @@ def _decoder(json: bool, message: type[msgspec.Struct]) -> Callable[[bytes], msg
 
 
 def reason(status: StatusSample) -> str:
-    """Why a robot may not drive, in a sentence, which names a state that is unknown here."""
+    """Why a robot may not drive, in a sentence; with the state if this version does not know it."""
     if status.state in STATES:
         return status.why
     state = pasteable(plain(status.state))

@@ -1,7 +1,7 @@
 """Runs `yahboomd` commands in processes of their own, which never outlive the server.
 
 A child leads its own process group. Only the server holds the pipe to its standard input: the child
-ends when that is closed, also because the server is killed.
+ends when that is closed, also if the server is killed.
 """
 
 from __future__ import annotations

@@ -73,7 +73,7 @@ class PageBoxes:
         return {"why": why, "lines": lines}
 
     async def file(self, name: str) -> Path | None:
-        """The file of a saved box; None if there is none, for any name."""
+        """The file of a saved box; None for every other name."""
         box = await self._box(name)
         if box is None or box["kind"] != "saved":
             return None

@@ -206,7 +206,7 @@ class PageRecordings:
         }
 
     def file(self, name: str, file: str) -> Path | None:
-        """A file of a recording; None if there is no such file, for any names."""
+        """A file of a recording; None for all other names."""
         if not NAME.fullmatch(name) or not FILE.fullmatch(file):
             return None
         path = self._folder / name / file

@@ -84,5 +84,5 @@ def _words(d: float, alpha: float, beta: float) -> list[tuple[str, tuple[float, 
 
 def _turn(angle: float) -> float:
     turned = angle % (2.0 * math.pi)
-    # Rounding may turn no turn into a whole one.
+    # Rounding may give 2 pi instead of 0.
     return 0.0 if 2.0 * math.pi - turned < 1e-9 else turned

@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from yahboomd.tools.calibrate.hold import HeldButton
 
 DAEMON_WITHIN_S = 8.0
-"""A daemon that publishes no wheels and answers nothing for so long does not run; one that is only
-busy is waited for, since a person has put the robot onto its mark."""
+"""A daemon that publishes no wheels and does not answer for this time does not run. It is this long
+because a person has put the robot on its mark, and the daemon may be busy."""
 
 REST_NS = NS_PER_S // 2
-"""Counts that have not moved within this time do not change by rolling on."""
+"""If the counts have not moved within this time, the wheels do not roll any more."""
 
 HUNTS_M = 0.002
 """A board that holds its wheels may hunt by a few counts: 8 on the vendor's firmware, 1.3 mm."""
@@ -35,7 +35,7 @@ STANDS_WITHIN_NS = 20 * NS_PER_S
 
 
 class Sides:
-    """From the ticks of single motors to the travel of the two sides, with nominal radii.
+    """Converts the ticks of single motors to the travel of the two sides, with nominal radii.
 
     A mecanum base turns as if its sides were as far apart as its wheels and its axles together.
 
@@ -100,7 +100,7 @@ class Leg:
 
     @property
     def limit_s(self) -> float:
-        """So long it lasts at most, ramps and a weak battery included."""
+        """The longest time that it may take, ramps and a weak battery included."""
         return 1.5 * self.amount / max(abs(self.vx), abs(self.vy), abs(self.wz)) + 5.0
 
     def done(
@@ -115,7 +115,7 @@ class Leg:
 
 
 class Interrupted(Exception):
-    """The robot was stopped in mid-run, and may be driven again; says why."""
+    """The robot was stopped in mid-run, and may be driven again; the text has the reason."""
 
 
 LET_GO = "The button was let go, or the connection was too slow: the robot stopped."
@@ -172,7 +172,7 @@ class LegDriver:
         except (TimeoutError, StopAsyncIteration):
             raise NoDaemon(
                 "No counts come from the daemon: is the board connected?",
-                remedy="`yahboomd status` says what it does.",
+                remedy="`yahboomd status` shows its state.",
             ) from None
         if self.sides is None:
             self.sides = Sides(self._config, sample.names)
@@ -183,10 +183,10 @@ class LegDriver:
         return self.sides
 
     async def begin(self, asked: Coroutine[Any, Any, None] | None = None) -> None:
-        """Discard what was gathered, once the robot stands.
+        """Wait until the robot stands, then discard the counts gathered so far.
 
         Args:
-            asked: Is waited for first; the robot may be pushed onto its mark meanwhile.
+            asked: A question to wait for first; the robot may be pushed onto its mark meanwhile.
         """
         if asked is not None:
             await self._gather_until(asked)
@@ -216,13 +216,13 @@ class LegDriver:
         """Drive one leg, and wait until the robot stands.
 
         Args:
-            progress: Is called with the part of it that was driven, from 0 to 1.
+            progress: Called with the share that was driven, from 0 to 1.
 
         Raises:
-            Interrupted: The person let go of the button, the command ended by itself, or the board
-                left the daemon without counts for a moment, or some of its counts are lost.
-            Refused: The robot does not obey, or does not get on.
-            NoDaemon: It was lost.
+            Interrupted: The person let go of the button, the command ended by itself, the board
+                sent no counts for a moment, or some counts are lost.
+            Refused: The robot does not obey, or makes no progress.
+            NoDaemon: The daemon was lost.
         """
         before = await self._robot.get(StatusSample, timeout_s=DAEMON_WITHIN_S)
         if before is None:
@@ -260,7 +260,7 @@ class LegDriver:
             raise Interrupted(self._lost)
 
     async def by_hand(self, asked: Coroutine[Any, Any, None]) -> None:
-        """Gather while the person moves the robot, until they say that it is done."""
+        """Gather counts while the person moves the robot, until they confirm that it is done."""
         await self._gather_until(asked)
         await self._rest()
 
@@ -278,7 +278,7 @@ class LegDriver:
 
 
 STILL_S = 0.5
-"""After so long without a command the daemon has stopped the robot."""
+"""The daemon stops the robot after this time without a command."""
 
 
 class _LegCommand:
@@ -295,7 +295,7 @@ class _LegCommand:
             robot.drive(leg.vx, leg.wz, vy=leg.vy, for_s=leg.limit_s)
 
     def go_on(self) -> None:
-        """Command on.
+        """Continue the command.
 
         Raises:
             Interrupted: The person let go, or the command ended by itself.
@@ -311,7 +311,7 @@ class _LegCommand:
                 "be, and was stopped: do all wheels turn, and the right way round?"
             )
         if held_s is not None:
-            # A hold from before a pause, as of a suspended machine, does not drive on.
+            # A hold from before a pause, such as a suspend, must not drive on.
             if self._pauses.detect() is not None:
                 raise Interrupted(LOST)
             leg = self._leg
@@ -336,6 +336,6 @@ def turns(radians: float, speed: float) -> list[Leg]:
 
 
 def square(side: float, speed: float, turn_speed: float, *, left: bool) -> list[Leg]:
-    """A square that ends where it began, heading included."""
+    """A square that ends at its start, heading included."""
     around = turn_speed if left else -turn_speed
     return [leg for _ in range(4) for leg in (Leg(speed, 0.0, side), Leg(0.0, around, np.pi / 2))]

@@ -1,4 +1,4 @@
-"""The questions of ``calibrate tape`` and ``squares``, and what is driven between them."""
+"""The questions of ``calibrate tape`` and ``squares``, and the runs between them."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ if TYPE_CHECKING:
     from yahboomd.tools.terminal.asking import Person
 
 TAPE_STD_M = 0.002
-"""The exactness with which a person reads a tape beside a robot."""
+"""The accuracy with which a person reads a tape beside a robot."""
 
 ANGLE_STD_RAD = math.radians(0.5)
-"""The exactness with which a person sees an angle against a mark."""
+"""The accuracy with which a person sees an angle against a mark."""
 
 BEYOND = Number(
     *("beyond", "How many degrees beyond its mark did it turn? (negative: short of it)", "deg"),
@@ -78,14 +78,14 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
 
 
 LENGTH_RANGE = (0.25, 4.0)
-"""The true way, as a multiple of the counted one: no profile of the vendor's is further off."""
+"""The true way, as a multiple of the counted one: no wrong profile of the vendor's exceeds it."""
 
 
 def length(counted_m: float) -> Number:
     """The question for the true way.
 
     Args:
-        counted_m: The way by the counts: another unit is noticed at once.
+        counted_m: The way by the counts, which shows answers in another unit.
     """
     least, most = (counted_m * each for each in LENGTH_RANGE)
     return Number(
@@ -109,11 +109,11 @@ async def calibrate(
 
     Args:
         loaded: The configuration of this machine, which names the calibration file.
-        hold: The button that lets the robot move; None: it moves once the person let it begin.
+        hold: The button that lets the robot move; None: an answer starts each movement.
 
     Raises:
         Refused: The result cannot be trusted, or the robot does not obey.
-        NoDaemon: It was lost.
+        NoDaemon: The daemon was lost.
         ConfigError: The daemon is another robot's, or the file cannot be written.
     """
     from yahboomd.tools.calibrate.estimates.least_squares import PARTS, Unseen, fit
@@ -141,7 +141,7 @@ async def calibrate(
         runs = await wizard.by_squares()
         method, free = f"squares of {options.side_m:g} m", PARTS
     try:
-        # Without a measured bend a tape does not see the ratio: it stays what squares have found.
+        # Without a measured bend a tape does not show the ratio: keep the one found by squares.
         found = fit(runs, free=free, start=Factors(ratio=ratio_of(config)))
         factors, std = found.factors, found.std
         to_the_side = None
@@ -165,7 +165,7 @@ async def calibrate(
 
 
 async def config_of(robot: AsyncRobot, loaded: Loaded) -> Config:
-    """The daemon's configuration, which the calibration file of this machine must belong to.
+    """The daemon's configuration; this machine's calibration file has to belong to it.
 
     Raises:
         ConfigError: It is another robot's, or another version's.
@@ -198,7 +198,7 @@ class _Wizard:
             whole = 2.0 * math.pi * options.turns * (1.0 if left else -1.0)
             await self._move(
                 turns(whole, options.turn_rad_s),
-                f"Turn {options.turns:g} times {way}: mark which way the robot points.",
+                f"Turn {options.turns:g} times {way}: mark the direction of the robot.",
             )
             beyond = await self._person.number(BEYOND)
             assert beyond is not None
@@ -216,7 +216,7 @@ class _Wizard:
             metres = options.sideways_m if left else -options.sideways_m
             await self._move(
                 sideways(metres, options.speed_m_s),
-                f"{options.sideways_m:g} m to the {way}, sideways: mark where the robot stands.",
+                f"{options.sideways_m:g} m to the {way}, sideways: mark the robot's place.",
             )
             steps = self._driver.gathered_sideways()
             measured = await self._length(float(abs(steps[1].sum())))
@@ -241,7 +241,7 @@ class _Wizard:
     async def _end(
         self, x: float, y: float, *, heading: bool = True, beside_std_m: float = TAPE_STD_M
     ) -> Run:
-        """A run that ended there, as seen from its start, metres; may ask for the heading."""
+        """A run with this end, as seen from its start, in metres; may ask for the heading."""
         degrees = await self._person.number(HEADING) if heading else None
         measured: tuple[float, ...] = (x, y)
         std: tuple[float, ...] = (TAPE_STD_M, beside_std_m)
@@ -254,13 +254,13 @@ class _Wizard:
 
         Args:
             bend: Ask how far it bent, which shows the ratio of the wheels.
-            heading: Ask which way it points then; without it the line that it began along is only
-                as exact as a person sees an angle.
+            heading: Ask for its heading at the end; without it, the accuracy of the line is that of
+                the start's heading, as a person sees an angle.
         """
         metres = self._options.straight_m
         await self._move(
             straight(metres, self._options.speed_m_s),
-            f"A straight of {metres:g} m: mark where the robot stands.",
+            f"A straight of {metres:g} m: mark the robot's place.",
         )
         left_m, right_m, _ = self._driver.gathered()
         far = await self._length(float(abs((left_m + right_m).sum()) / 2.0))
@@ -307,7 +307,7 @@ class _Wizard:
         person, driver = self._person, self._driver
         if self._options.by_hand:
             await driver.begin()
-            person.say(f"{words} Then move it so.")
+            person.say(f"{words} Then move it like this.")
             await driver.by_hand(
                 person.confirm("moved", f"{person.enter} when it stands at the end.")
             )
@@ -319,8 +319,7 @@ class _Wizard:
                     await driver.drive(leg, partial(person.progress, part, len(legs)))
             except Interrupted as why:
                 words = (
-                    f"{why} This run does not count: put the robot back on its mark, and it is "
-                    "done once more."
+                    f"{why} This run does not count: put the robot back on its mark to repeat it."
                 )
             else:
                 return

@@ -38,7 +38,7 @@ POLL_TIMEOUT_NS = 100_000_000
 
 SILENT_NS = 800_000_000
 STILL_TICKS_PER_S = 20.0
-"""One count more or less in the window of a standstill. Less would count wheels that roll out."""
+"""One count more or less in the window. A wheel that still rolls out would show as motion later."""
 
 RAMP_UNITS_PER_S = 800.0
 RAMP_TURNS = 0.15
