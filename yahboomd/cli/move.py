@@ -196,7 +196,7 @@ async def _drive(robot: AsyncRobot, move: Move) -> int:
 
 
 def bar(progress: MoveSample) -> str:
-    """The progress as a line: a bar, what is left, the time that is left."""
+    """The progress as a line: a bar, the remaining way and turns, the remaining time."""
     full = round(BAR * progress.done)
     left = f"{progress.left_m:6.2f} m" if progress.left_m else ""
     turns = f"{math.degrees(progress.left_rad):6.0f}°" if progress.left_rad else ""

@@ -61,7 +61,7 @@ class FarEnd(Protocol):
         """The host has written ``data``."""
 
     def host_backlog_ns(self, now_ns: int) -> int:
-        """The time until the host's bytes so far will have arrived."""
+        """The time until all bytes of the host will have arrived."""
 
 
 class PtyPort:

@@ -183,7 +183,7 @@ class LegDriver:
         return self.sides
 
     async def begin(self, asked: Coroutine[Any, Any, None] | None = None) -> None:
-        """Wait until the robot stands, then discard the counts gathered so far.
+        """Wait until the robot stands, then discard the gathered counts.
 
         Args:
             asked: A question to wait for first; the robot may be pushed onto its mark meanwhile.

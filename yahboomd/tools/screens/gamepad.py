@@ -1,4 +1,4 @@
-"""A gamepad by the kernel's input records, with a button that has to be held. Pure.
+"""Reads a gamepad's input records; a button has to be held to drive. Pure.
 
 The records and codes: Documentation/input/event-codes.rst and gamepad.rst of Linux, linux/input.h.
 """
@@ -48,7 +48,7 @@ class AxisRange(msgspec.Struct, frozen=True):
 class Gamepad:
     """One pad, from the moment when it was opened.
 
-    Only a button that is pressed from then on counts as held, and not one that is down already.
+    A button counts as held only if it is pressed from then on, not if it is down already.
     """
 
     def __init__(self, ranges: Mapping[int, AxisRange] | None = None) -> None:
@@ -58,10 +58,10 @@ class Gamepad:
         self._rest = b""
 
     def feed(self, data: bytes) -> list[PadWish]:
-        """Take records, however reads split them.
+        """Process records, which reads may split anywhere.
 
         Returns:
-            What is to be done besides driving, in order.
+            The wishes besides driving, in order.
         """
         data = self._rest + data
         whole = len(data) - len(data) % RECORD.size

@@ -1,4 +1,4 @@
-"""Finds a gamepad, reads it, and waits for another one when it goes."""
+"""Finds a gamepad, reads it, and waits for another one when it is unplugged."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ LOOK_NS = 1_000_000_000
 READ_BYTES = 4096
 NAME_BYTES = 128
 BITS_BYTES = 96
-"""For a bit of each key: linux/input-event-codes.h ends at 0x2ff."""
+"""One bit for each key: linux/input-event-codes.h ends at 0x2ff."""
 
 USE = "hold a shoulder button and push the left stick; east (B) is the emergency stop"
 
@@ -43,17 +43,17 @@ def _ioc(number: int, size: int) -> int:
 
 
 class GamepadPort:
-    """The gamepad that is there, if any, on the running loop. A context manager.
+    """The connected gamepad, if any, on the running loop. A context manager.
 
     Args:
-        device: The only one to be used; None: the first in ``/dev/input``.
-        reads: Called before what was read is taken.
+        device: The only device to use; None: the first in ``/dev/input``.
+        reads: Called before the records of each read are processed.
         wanted: Called with each wish, once the state is up to date.
         moved: Called after each read.
-        lost: Called when the pad went.
+        lost: Called when the pad is gone.
 
     Attributes:
-        words: What is there, for people.
+        words: The state of the pad, for people.
     """
 
     def __init__(
@@ -155,7 +155,7 @@ class GamepadPort:
 
 
 def _ask(fd: int, number: int, size: int) -> bytes:
-    """What an ioctl reads; empty where it is no input device."""
+    """Read by an ioctl; empty if the file is not an input device."""
     if not stat.S_ISCHR(os.fstat(fd).st_mode):
         return b""
     try:
