@@ -1,14 +1,14 @@
-"""Where the base will be once it has obeyed all that was commanded.
+"""Predicts the pose of the base once it has obeyed all commands.
 
-Wheels follow a command with a lag. The way that was commanded and is not driven yet is under way:
-the base drives it even if the next command is zero. Several models of the wheels run side by side,
-and each counts as much as it explained the latest poses. A controller that acts on the predicted
+Wheels follow a command with a lag. The commanded way that is not driven yet is "under way":
+the base drives it even if the next command is zero. Several models of the wheels run in parallel,
+weighted by how well they explain the latest poses. A controller that acts on the predicted
 pose instead of the measured one has a base without a lag (Smith, *Closer control of loops with dead
 time*, 1957).
 
-The models: a plain lag of the first order; and a motor of the first order behind a speed loop with
-proportional and integral part, as the boards have it. All of them end a way at the length that was
-commanded, so a wrong one delays the end and does not move it.
+The models: a plain first-order lag; and a first-order motor behind a speed loop with
+proportional and integral part, as the boards have it. All of them end a way at the commanded
+length, so a wrong one delays the end but does not move it.
 """
 
 from __future__ import annotations
@@ -25,24 +25,24 @@ INTEGRAL, DERIVATIVE = 0.075, 0.6
 """The other parts of the boards' loops, as shares of the proportional one, for steps of 10 ms."""
 
 TRANSPORT_S = 0.03
-"""Until a command is on the wheels and their counts are back."""
+"""The time from a command to the wheels' counts."""
 
 ROLL = 1.25
-"""The share of the way under way that a base may roll: at low speeds, where a board's measured
-speeds are coarse, it is more than the model has. Too much only makes the end a little slower."""
+"""The share of the way under way that a base may roll: more than the model's at low speeds, because
+a board's measured speeds are then coarse. Too much only makes the end a little slower."""
 
 LANDING, MOST_PER_S, FIRST_PER_S = 1.15, 10.0, 5.0
-"""At the end of a leg the speed is the rest of the way times so much, by the lag of a motor, and at
-most that: there the poses' steps and the errors of the models are as large as what is left."""
+"""The speed at the end of a leg over the rest of its way: by the lag of the motors, and at most.
+There the poses' steps and the models' errors are as large as the rest."""
 
 LEARNED_S = 3.0
-"""So much driving shows which models fit; before it the ends are slower."""
+"""The time of driving that shows which models fit; until then the ends are slower."""
 
 STEP_S = 0.01
 AHEAD_STEPS = 80
 FIRST_LAG_S = 0.12
 MEMORY_S = 3.0
-"""Driving that is older has little weight."""
+"""Older driving has little weight."""
 
 WINDOW_S = 0.1
 """Ways are compared over this time: counts and stamps blur shorter ones."""
@@ -168,7 +168,7 @@ class LagModel:
             for model in self._models:
                 error = sum((a - b) ** 2 for a, b in zip(model.window, self._seen, strict=True))
                 model.cost = model.cost * keep + error
-            # Of a count or so: what no model can explain.
+            # The error of about one count, which no model can explain.
             least = min(model.cost for model in self._models) + 2e-7
             self._weights = [((least / (model.cost + 2e-7)) ** SHARPNESS) for model in self._models]
         for model in self._models:
@@ -219,7 +219,7 @@ class LagModel:
 
         Args:
             pose: The newest pose.
-            share: Of the way under way.
+            share: The share of the way under way that is driven.
         """
         ahead, left, turned = (share * each for each in self.under_way)
         half = turned / 2.0

@@ -1,8 +1,8 @@
-"""The last millimetre: wait until the base stands, then correct what is left by short pulses.
+"""The last millimetre: wait until the base stands, then correct the rest by short pulses.
 
 A speed loop with an integral part drives, in the end, the whole way of a pulse: its speed times its
-time. Only what the motors need before they turn at all is lost. It is little in the direction of
-the motion before, and more in the other one. Both are learned.
+time. Only the part before the motors begin to turn is lost. It is small in the direction of
+the motion before, and larger in the other one. Both are learned.
 """
 
 from __future__ import annotations
@@ -12,23 +12,23 @@ import math
 import msgspec
 
 PULSES = 12
-"""Corrections, before the leg ends where the base stands."""
+"""The most corrections; after them the leg ends as it is."""
 
 STANDS_S, ENDS_S, ENDS = 0.12, 0.08, 0.9
-"""A base that did not move for this time stands. At its goal the second suffices, and so much of
-the lag of its motors: a slow one swings back."""
+"""A base that did not move for the first time stands. At its goal the second is enough, plus this
+multiple of its motors' lag, since slow motors swing back."""
 
 LONGEST_S = 8.0
-"""A landing that takes longer ends where the base is."""
+"""A longer landing ends as it is."""
 
 LEARNS = 0.5
 
 
 class Tolerance(msgspec.Struct, frozen=True, kw_only=True):
-    """Of the end of a leg, in m or rad.
+    """The tolerances of a leg's end, in m or rad.
 
     Attributes:
-        end: The largest error that is left.
+        end: The largest remaining error.
         near: The largest before the next leg of the same move, which corrects it.
         still: A base that moves by less stands.
         creep: The least speed towards the end: below it a wheel may not turn at all.
@@ -43,13 +43,13 @@ class Tolerance(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RollOn(msgspec.Struct, kw_only=True):
-    """What the base does after a zero, as learned, in m or rad.
+    """The learned behaviour of the base after a zero, in m or rad.
 
     Attributes:
-        landing: How much farther than the model has it the base rolls at the end of a leg.
-        same: What a pulse in the direction of the motion before loses.
-        other: What a pulse in the other direction loses.
-        most: Of each.
+        landing: How much farther than the model predicts the base rolls at the end of a leg.
+        same: The loss of a pulse in the direction of the motion before.
+        other: The loss of a pulse in the other direction.
+        most: The limit of each.
     """
 
     landing: float
@@ -117,7 +117,7 @@ class Landing:
             self._kind = "same" if way == self._way else "other"
             self._spent = 0.0
         self._way, self._began_at = way, left
-        # What earlier pulses lost does not have to be spent again.
+        # The loss of earlier pulses does not occur again.
         lost = max(0.0, getattr(self._rolls, self._kind) - self._spent)
         self._pulse_left = abs(left) + lost
         self._spent += self._pulse_left

@@ -24,7 +24,7 @@ from yahboomd.moves.motion.move_course import Course, wrapped
 from yahboomd.moves.motion.speed_profile import SpeedLimits, next_speed
 
 Axis: TypeAlias = Literal[0, 1, 2]
-"""Of the lag model: ahead, to the left, turned."""
+"""An axis of the lag model: ahead, to the left, turned."""
 
 LOOK_AHEAD_M = 0.12
 
@@ -37,19 +37,19 @@ TURN = Tolerance(
     pulse=0.35,
 )
 FREE = msgspec.structs.replace(WAY, near=0.0015)
-"""A turn in place that follows cannot correct what is left to the side."""
+"""A turn in place that follows cannot correct an error to the side."""
 
 ACROSS_PER_S = 4.0
-"""Of an error across the course, and of the heading, for a base that moves sideways."""
+"""The decay rate of errors across the course and of the heading, for a base that moves sideways."""
 
 SHORT = 4.0
-"""A base that stands so many tolerances from its end did not reach it."""
+"""A base that stands this many tolerances from its end did not reach it."""
 
 KEEP_PER_S, KEEP_M_S = 4.0, 0.06
 """How fast a base that turns comes back to its place."""
 
 BEND_S = 0.15
-"""The time that the turning speed may take where one bend follows another."""
+"""The time that the turning speed may take to change from one bend to the next."""
 
 SLOWING = 1.4
 """Twice the deceleration before a bend, as a share of the limit: v^2 = 2 a s."""
@@ -58,13 +58,13 @@ SLOWING = 1.4
 class MoveLeg:
     """A leg being driven.
 
-    It drives until the base will roll to its end, and then corrects what is left.
+    It drives until the base will roll to its end, and then corrects the rest.
 
     Args:
-        limits: Of the speed along it.
+        limits: The limits of the speed along it.
         lag: The model of the base; the same for all legs.
-        tolerance: Of its end.
-        axis: Along which it is driven.
+        tolerance: The tolerances of its end.
+        axis: The axis along which it is driven.
         last: Whether the base has to stand at its end.
     """
 
@@ -89,7 +89,7 @@ class MoveLeg:
 
     @property
     def lands(self) -> bool:
-        """Whether it only corrects what is left."""
+        """Whether it only corrects the rest."""
         return self._landed
 
     def left(self, pose: Pose2d) -> float:
@@ -149,7 +149,7 @@ class MoveLeg:
         return max(self._speed, min(self._tolerance.creep, left / dt_s))
 
     def is_near(self, pose: Pose2d) -> bool:
-        """Whether what is left of it is little, and rolls out."""
+        """Whether the rest of it is small, and the base rolls to its end."""
         return self._landed and abs(self.left(pose)) <= self._tolerance.near
 
     def is_short(self, pose: Pose2d) -> bool:
@@ -160,7 +160,7 @@ class MoveLeg:
 class TurnLeg(MoveLeg):
     """A turn in place.
 
-    One wheel may begin before the other: what the base drives ahead by that, it drives back.
+    One wheel may begin before the other: the base drives back the way ahead that results.
 
     Args:
         begin: The pose at its begin: the place to be kept.
@@ -198,7 +198,7 @@ class CourseLeg(MoveLeg):
     Args:
         backward: Whether the base drives it backward.
         turn: The limits of turning.
-        look_ahead_m: Over how many metres an error across the way decays.
+        look_ahead_m: The way in metres over which an error across it decays.
         least_radius_m: The tightest curve of the base.
     """
 
@@ -314,8 +314,8 @@ class FreeLeg(MoveLeg):
 class BendCaps:
     """The speed that bends allow, at each place of a course.
 
-    In a bend, the turning speed and the sideways acceleration are limited; where one bend follows
-    another, the turning speed cannot jump.
+    In a bend, the turning speed and the sideways acceleration are limited; from one bend to the
+    next the turning speed cannot jump.
     """
 
     def __init__(self, course: Course, limits: SpeedLimits, turn: SpeedLimits) -> None:

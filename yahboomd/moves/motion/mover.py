@@ -16,21 +16,21 @@ from yahboomd.moves.motion.move_plan import PlannedLeg, plan
 from yahboomd.moves.motion.move_watch import MoveWatch
 
 STEP_NS = 20_000_000
-"""A velocity for each so long, even if poses come more often."""
+"""The least time between two velocities, even if poses come more often."""
 
 LONGEST_STEP_S = 0.1
 
 
 class MoveProgress(msgspec.Struct, frozen=True, kw_only=True):
-    """How far a list of moves is.
+    """The progress of a list of moves.
 
     Attributes:
-        index: Of the move that is driven.
-        kind: What it is.
+        index: The number of the present move.
+        kind: The kind of the present move.
         done: The share of all moves, by their ideal times.
-        left_m: The way that is left.
-        left_rad: The turns in place that are left.
-        left_s: The time that is left, by the ideal profiles.
+        left_m: The remaining way.
+        left_rad: The remaining turns in place.
+        left_s: The remaining time, by the ideal profiles.
     """
 
     index: int
@@ -42,7 +42,7 @@ class MoveProgress(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class MoveEnd(msgspec.Struct, frozen=True, kw_only=True):
-    """The end of a list of moves: a reason of the documented ones, and a sentence."""
+    """The end of a list of moves: one of the documented reasons, and a sentence."""
 
     reason: Reason
     message: str
@@ -54,7 +54,7 @@ class Mover:
     Args:
         moves: At least one.
         begin: The pose at their begin.
-        base: What the base can do.
+        base: The abilities of the base.
         lag: The model of the base, kept from moves before.
 
     Raises:
@@ -87,11 +87,11 @@ class Mover:
         self._paused = True
 
     def resume(self) -> None:
-        """Go on."""
+        """Continue."""
         self._paused = False
 
     def end(self, reason: Reason, message: str) -> None:
-        """End it, whatever it does; the first end counts."""
+        """End it; only the first end counts."""
         if self.ended is None:
             self.ended = MoveEnd(reason=reason, message=message)
             self._lag.command(STANDSTILL)
@@ -115,7 +115,7 @@ class Mover:
         if self.watch.blocked(pose, now_ns):
             self.end(
                 "blocked",
-                "The base does not move though it is commanded to. Look what is in its way.",
+                "The base does not move although it is commanded. Look for an obstacle.",
             )
             return None
         if self._stepped_ns is not None and now_ns - self._stepped_ns < STEP_NS * 0.9:
@@ -152,7 +152,7 @@ class Mover:
     def _is_last(self) -> bool:
         """Whether the base has to stand at the end of this leg.
 
-        Also before a leg of another kind: a turn in place has to begin where the way ends.
+        Also before a leg of another kind: a turn in place has to begin at the end of the way.
         """
         if self._number + 1 >= len(self._legs):
             return True
@@ -161,7 +161,7 @@ class Mover:
 
     @property
     def _is_passed(self) -> bool:
-        """Whether the next leg is one of the same move: it corrects what this one leaves."""
+        """Whether the next leg belongs to the same move: it corrects this one's rest."""
         return (
             self._number + 1 < len(self._legs)
             and self._legs[self._number].move == self._legs[self._number + 1].move

@@ -12,7 +12,7 @@ import math
 import msgspec
 
 HALVINGS = 24
-"""Of the interval of accelerations in each step: to a ten-millionth of it."""
+"""The halvings of the interval of accelerations in each step: to a ten-millionth of it."""
 
 
 class SpeedLimits(msgspec.Struct, frozen=True, kw_only=True):
@@ -32,11 +32,11 @@ class SpeedLimits(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def stop_distance(speed: float, rate: float, limits: SpeedLimits) -> float:
-    """The way to rest from a speed of 0 or more, with this acceleration at the moment."""
+    """The way to rest from a speed of 0 or more, with this present acceleration."""
     jerk = limits.jerk
     way = 0.0
     if rate > 0.0:
-        # The acceleration has to be taken back first.
+        # The acceleration has to fall to zero first.
         fade_s = rate / jerk
         way = speed * fade_s + rate * fade_s * fade_s / 3.0
         speed += rate * fade_s / 2.0
@@ -81,8 +81,8 @@ def next_speed(
         dt_s: The length of the step.
         left: The rest of the way; none or less ends it within ``limits.braking``.
         most: The largest speed allowed here, such as in a curve.
-        limits: Of the course.
-        landing_per_s: The speed is at most so many times the rest of the way.
+        limits: The limits of the course.
+        landing_per_s: The largest speed over the rest of the way.
     """
 
     def fits(change: float) -> bool:
@@ -97,7 +97,7 @@ def next_speed(
     low = max(-limits.acceleration, rate - limits.jerk * dt_s)
     high = max(low, min(limits.acceleration, rate + limits.jerk * dt_s))
     if not fits(low):
-        # The way is shorter than it was, or the curve tighter: the jerk gives way, then the rate.
+        # The way became shorter, or the curve tighter: exceed the jerk, then the deceleration.
         low, high = -limits.braking, low
         if not fits(low):
             return max(0.0, speed + low * dt_s), low
