@@ -136,7 +136,6 @@ async def guarded(
     Args:
         port: The open port.
         config: How it was opened.
-        say: Shows a message to a person.
 
     Raises:
         LostInMotion: The port went away while wheels turned, and they were stopped later.
