@@ -12,6 +12,7 @@ import argparse
 import asyncio
 import math
 import tempfile
+from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from itertools import pairwise
 from pathlib import Path
@@ -22,6 +23,7 @@ from benchmarks.move_bench import TRACK_M, Drive, MoveBench
 from benchmarks.report import quantile
 from yahboomd.client.move_messages import Move
 from yahboomd.core.model import Pose2d
+from yahboomd.moves.motion.lag_model import in_base
 from yahboomd.moves.motion.move_course import wrapped
 from yahboomd.moves.motion.mover import MoveEnd
 from yahboomd.simulation.virtual_time import run as run_virtual
@@ -289,6 +291,117 @@ def table(results: list[Result], plain: list[Result]) -> str:
     return "\n".join(lines)
 
 
+class Error(NamedTuple):
+    """Of an end: by the truth, by the pose, and of the pose itself.
+
+    Attributes:
+        true_m: Metres from the goal, truly.
+        posed_m: The same by the pose.
+        lost_m: By how much the pose is wrong since the begin.
+    """
+
+    true_m: float
+    posed_m: float
+    lost_m: float
+    reason: str
+    over_s: float
+
+
+async def driven(bench: MoveBench, move: Move, goal: Pose2d) -> Error:
+    """One move; where the robot is truly, and where it believes to be."""
+    began, truly = bench.heard.estimates[-1].pose, bench.truth
+    drive = await bench.move([move])
+    pose = bench.heard.estimates[-1].pose
+
+    def since(now: Pose2d, before: Pose2d) -> tuple[float, float]:
+        return in_base(now.x - before.x, now.y - before.y, before.theta)
+
+    wanted, by_pose = since(goal, began), since(pose, began)
+    by_truth = since(drive.end, truly)
+    return Error(
+        true_m=math.dist(by_truth, wanted),
+        posed_m=math.dist(by_pose, wanted),
+        lost_m=math.dist(by_truth, by_pose),
+        reason=drive.ended.reason,
+        over_s=drive.time_s - drive.ideal_s,
+    )
+
+
+async def slipping(preset: str, most: float, seed: int) -> list[Error]:
+    """Ten goals of a robot whose wheels slip."""
+    chance = Random(seed)
+    with tempfile.TemporaryDirectory() as folder:
+        async with MoveBench(Path(folder), preset, 0.1, seed=seed) as bench:
+            await bench.ready()
+            await asyncio.sleep(0.3)
+            bench.slip(0.0, most, seed)
+            found = []
+            for _ in range(10):
+                move = chosen("go_to", chance, bench.heard.estimates[-1].pose)
+                goal = goal_of(move, bench.heard.estimates[-1].pose)
+                found.append(await driven(bench, move, goal))
+            return found
+
+
+async def car(kind: str, lag_s: float, seed: int) -> list[Error]:
+    """Moves of a car that steers."""
+    chance = Random(seed)
+    with tempfile.TemporaryDirectory() as folder:
+        async with MoveBench(Path(folder), "r2", lag_s, seed=seed) as bench:
+            await bench.ready()
+            await asyncio.sleep(0.5)
+            found = []
+            for _ in range(6):
+                pose = bench.heard.estimates[-1].pose
+                move, goal = car_move(kind, chance, pose)
+                found.append(await driven(bench, move, goal))
+            return found
+
+
+def car_move(kind: str, chance: Random, pose: Pose2d) -> tuple[Move, Pose2d]:
+    """A move for a car, and its goal."""
+    if kind == "arc":
+        radius, angle = chance.uniform(0.4, 1.0), chance.choice((1, -1)) * chance.uniform(0.5, 2.0)
+        side = math.copysign(radius, angle)
+        ahead, left = side * math.sin(angle), side * (1.0 - math.cos(angle))
+        move = Move(kind="arc", radius_m=radius, angle_rad=angle)
+    else:
+        ahead, left = chance.uniform(0.6, 1.5), chance.uniform(-0.8, 0.8)
+    cosine, sine = math.cos(pose.theta), math.sin(pose.theta)
+    goal = Pose2d(x=pose.x + cosine * ahead - sine * left, y=pose.y + sine * ahead + cosine * left)
+    if kind == "go_to":
+        move = Move(kind="go_to", x=goal.x, y=goal.y)
+    if kind == "follow":
+        points = wave(chance, pose)
+        move, goal = Move(kind="follow", points=points), Pose2d(x=points[-1][0], y=points[-1][1])
+    return move, goal
+
+
+def others(seed: int) -> str:
+    """The tables of wheels that slip, and of the car."""
+    lines = ["| | by the pose: median, most | truly: median, most | the pose's own error | ends |"]
+    lines.append("|---|---|---|---|---|")
+
+    def row(name: str, found: list[Error]) -> None:
+        def of(values: list[float]) -> str:
+            return f"{1000.0 * quantile(values, 0.5):.1f}, {1000.0 * max(values):.1f} mm"
+
+        posed, true = of([each.posed_m for each in found]), of([each.true_m for each in found])
+        lost, ends = of([each.lost_m for each in found]), Counter(each.reason for each in found)
+        words = ", ".join(f"{count} `{reason}`" for reason, count in ends.items())
+        over = quantile([each.over_s for each in found], 0.5)
+        lines.append(f"| {name} | {posed} | {true} | {lost} | {words}, +{over:.2f} s |")
+
+    for preset in PRESETS:
+        for most in (0.0, 0.02, 0.05, 0.2):
+            found = run_virtual(slipping(preset, most, seed))
+            row(f"`{preset}`, go_to, wheels slip by up to {most:.0%}", found)
+    for kind in ("arc", "go_to", "follow"):
+        every = [run_virtual(car(kind, lag_s, seed)) for lag_s in (0.05, 0.15, 0.25)]
+        row(f"car, {kind}", [each for part in every for each in part])
+    return "\n".join(lines)
+
+
 async def path(seed: int) -> tuple[tuple[tuple[float, ...], ...], list[Pose2d]]:
     """A path that was asked for, and the true poses on it."""
     chance = Random(seed)
@@ -322,8 +435,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.move_table", description=__doc__)
     parser.add_argument("--moves", type=int, default=400)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--others", action="store_true", help="wheels that slip, and a car")
     parser.add_argument("--picture", type=Path, help="draw ten paths over their truth")
     args = parser.parse_args()
+    if args.others:
+        print(others(args.seed))
+        return
     robots = max(len(KINDS), args.moves // EACH)
     with ProcessPoolExecutor(2) as pool:
         both = [

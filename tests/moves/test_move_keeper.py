@@ -42,6 +42,7 @@ class Kept:
     def __init__(self) -> None:
         self.commands: list[Twist2d] = []
         self.stops = 0
+        self.stopped_as = ""
         self.samples: list[MoveSample] = []
         self.now_ns = 1_000_000_000
         self.x = 0.0
@@ -56,8 +57,9 @@ class Kept:
         self.keeper.status(daemon_samples.status("standing", driver=None, why="At rest."), 0)
         self.pose()
 
-    def _stop(self) -> None:
+    def _stop(self, label: str) -> None:
         self.stops += 1
+        self.stopped_as = label
 
     def pose(self, **fields: Any) -> None:
         sample = daemon_samples.pose(self.x, 0.0, 0.0, seq=1)
@@ -203,6 +205,7 @@ def test_a_token_that_goes_ends_them_at_once(kept: Kept) -> None:
     assert kept.stops == 0
     kept.keeper.holder("me", present=False)
     assert kept.reason == "client_gone"
+    assert kept.stopped_as == "moves of a test: client_gone"
 
 
 @pytest.mark.parametrize(
@@ -368,7 +371,7 @@ class Lossy(MoveBench):
                 encode(VelocityCommand(vx=twist.vx, vy=twist.vy, wz=twist.wz), "json"),
                 source=SOURCE,
             ),
-            stop=lambda: self.command(source=SOURCE),
+            stop=lambda _: self.command(source=SOURCE),
             publish=lambda _: None,
             name=lambda: "id1",
         )

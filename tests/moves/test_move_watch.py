@@ -58,6 +58,9 @@ def test_wheels_that_turn_while_the_gyro_does_not_slip() -> None:
     assert not any(watch.slips(1.0, 0.9, step * STEP_NS) for step in range(50))
     watch = MoveWatch()
     assert not any(watch.slips(0.02, 0.0, step * STEP_NS) for step in range(500))
+    # The wheels of a car do not turn it.
+    watch = MoveWatch(steers=True)
+    assert not any(watch.slips(1.0, 0.02, step * STEP_NS) for step in range(50))
 
 
 def test_uncertainty_counts_from_the_begin_of_the_moves() -> None:

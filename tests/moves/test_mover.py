@@ -13,6 +13,7 @@ from yahboomd.client.move_messages import Move
 from yahboomd.core.model import Pose2d, Twist2d
 from yahboomd.moves.motion.base_limits import Base
 from yahboomd.moves.motion.lag_model import LagModel
+from yahboomd.moves.motion.move_plan import MoveRefused
 from yahboomd.moves.motion.mover import Mover
 from yahboomd.moves.motion.speed_profile import SpeedLimits
 from yahboomd.simulation.motors import MotorFaults
@@ -114,6 +115,65 @@ async def test_a_pose_that_is_set_ends_it(tmp_path: Path) -> None:
         bench.operator.set_pose(Pose2d(x=7.0), None)
         driven = await moving
         assert driven.ended.reason == "pose_changed"
+
+
+@on_virtual_time
+async def test_a_car_drives_arcs_goals_and_paths_and_refuses_a_turn_in_place(
+    tmp_path: Path,
+) -> None:
+    """Its wheels do not see how late the steering is: it ends where its pose has the goal."""
+    async with MoveBench(tmp_path, "r2") as bench:
+        await bench.ready()
+        await asyncio.sleep(0.5)
+        arc = await drive(bench, Move(kind="arc", radius_m=0.6, angle_rad=1.0))
+        assert arc.turned_rad == pytest.approx(1.0, abs=0.03)
+        await drive(bench, Move(kind="go_to", x=1.5, y=0.0, theta=0.0))
+        pose = bench.heard.estimates[-1].pose
+        assert math.hypot(pose.x - 1.5, pose.y) < 0.005
+        points = tuple((1.5 + 0.05 * i, 0.2 - 0.2 * math.cos(0.1 * i)) for i in range(1, 25))
+        followed = await drive(bench, Move(kind="follow", points=points))
+        pose = bench.heard.estimates[-1].pose
+        assert math.dist((pose.x, pose.y), points[-1]) < 0.005
+        assert math.dist((followed.end.x, followed.end.y), points[-1]) < 0.05
+        with pytest.raises(MoveRefused, match="does not turn in place"):
+            await bench.move([Move(kind="turn", angle_rad=1.0)])
+
+
+@on_virtual_time
+async def test_with_slip_the_end_is_as_good_as_the_pose(tmp_path: Path) -> None:
+    async with MoveBench(tmp_path, "4wd") as bench:
+        await bench.ready()
+        bench.slip(0.0, 0.05, seed=1)
+        driven = await drive(bench, Move(kind="straight", distance_m=1.0))
+        pose = bench.heard.estimates[-1].pose
+        assert math.hypot(pose.x - 1.0, pose.y) < 0.002
+        assert 0.01 < math.hypot(driven.end.x - 1.0, driven.end.y) < 0.08
+
+
+@pytest.mark.parametrize(("least", "most"), [(0.0, 0.2), (0.8, 0.9)])
+@on_virtual_time
+async def test_wheels_that_spin_while_the_gyro_stands_end_it_and_little_slip_does_not(
+    tmp_path: Path, least: float, most: float
+) -> None:
+    async with MoveBench(tmp_path, "x3") as bench:
+        await bench.ready()
+        await asyncio.sleep(0.5)
+        bench.slip(least, most, seed=1)
+        driven = await bench.move([Move(kind="turn", angle_rad=3.0)])
+        assert driven.ended.reason == ("slipping" if least else "reached")
+        assert not least or driven.time_s < 1.0
+
+
+@pytest.mark.parametrize("bound_m", [0.001, 0.5])
+@on_virtual_time
+async def test_a_place_more_uncertain_than_the_bound_ends_it(
+    tmp_path: Path, bound_m: float
+) -> None:
+    async with MoveBench(tmp_path) as bench:
+        await bench.ready()
+        bench.uncertain_m = bound_m
+        driven = await bench.move([Move(kind="straight", distance_m=2.0)])
+        assert driven.ended.reason == ("uncertain" if bound_m < 0.01 else "reached")
 
 
 # Without a robot.

@@ -258,9 +258,13 @@ class AsyncRobot(NewestSamples, RobotMoves):
         twist = Twist2d(vx=number("vx", vx), vy=number("vy", vy), wz=number("wz", wz))
         return self._commands.drive(twist, None if for_s is None else number("for_s", for_s))
 
-    def stop(self) -> None:
-        """Command zero at once, for 0.3 s; then nothing, so that other sources may drive."""
-        self._commands.stop()
+    def stop(self, label: str | None = None) -> None:
+        """Command zero at once, for 0.3 s; then nothing, so that other sources may drive.
+
+        Args:
+            label: Who or what commands this stop, for people; the client's own unless given.
+        """
+        self._commands.stop(label)
 
     @property
     def commanded(self) -> Twist2d | None:

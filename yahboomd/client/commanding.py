@@ -105,6 +105,7 @@ class Commands:
         self._clock = clock
         self._source = source
         self._label = label
+        self._stops_as: str | None = None
         self._deadman_s = deadman_s
         self._rate_period_ns = nanoseconds(1.0 / rate_hz)
         self._repeater = Repeater()
@@ -174,8 +175,9 @@ class Commands:
             self._warn(f"The robot does not move. {reason(status)}")
         return True
 
-    def stop(self) -> None:
-        """Publish a zero at once, and repeat it for a moment."""
+    def stop(self, label: str | None = None) -> None:
+        """Publish a zero at once, and repeat it for a moment; under this label, if one is given."""
+        self._stops_as = label
         if self._closed or not self._connection.alive:
             self._repeater.interrupt()
             return
@@ -308,7 +310,7 @@ class Commands:
             wz=twist.wz,
             # The daemon recognises a delayed command by its stamp, and refuses it.
             stamp_ns=self._clock.wall_ns(),
-            source=self._label or None,
+            source=(twist.is_zero and self._stops_as) or self._label or None,
         )
         return encode(command, "json")
 

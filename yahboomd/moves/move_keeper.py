@@ -46,6 +46,9 @@ OBEYS_S = 1.5
 
 UNCERTAIN_M = 0.5
 
+MOST_NAME = 32
+"""Characters of a client's name that fit into the label of a stop."""
+
 SOURCE_LINES = f"""\
 [command.sources."{SOURCE}"]
 priority = 5
@@ -84,7 +87,7 @@ class MoveKeeper:
 
     Args:
         drive: Commands a velocity.
-        stop: Commands a stop.
+        stop: Commands a stop; it takes what to call it: who had asked, and the reason of the end.
         publish: Takes each sample of progress, without its stamp, and the end.
         name: Makes the id of moves.
     """
@@ -93,7 +96,7 @@ class MoveKeeper:
         self,
         *,
         drive: Callable[[Twist2d], object],
-        stop: Callable[[], object],
+        stop: Callable[[str], object],
         publish: Callable[[MoveSample], object],
         name: Callable[[], str],
     ) -> None:
@@ -301,7 +304,7 @@ class MoveKeeper:
             return
         running.mover.end(reason, message)
         self._running = None
-        self._stop()
+        self._stop(f"moves of {running.by[:MOST_NAME] or running.id}: {reason}")
         self._tell(running, "ended", reason, message)
 
     def report(self) -> None:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
+from typing import get_args
 
 import msgspec
 import pytest
 from made_boxes import HEADER, into, ring_of, saved_box
 from robot_bench import RobotBench
 
+from yahboomd.client.move_messages import Reason
 from yahboomd.core.blackbox import records
 from yahboomd.core.blackbox.box_file import encode_header, read_box
 from yahboomd.core.blackbox.ring import Ring
@@ -20,7 +22,7 @@ from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.motors import MotorFaults
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
-from yahboomd.tools.blackbox.box_story import before, story, summary, utc, wall_clock
+from yahboomd.tools.blackbox.box_story import MOVE_ENDS, before, story, summary, utc, wall_clock
 
 DRIVES = records.DecisionRecord(state="driving", driver="cmd_vel", why="cmd_vel drives.")
 SILENT = records.DecisionRecord(state="standing", driver="", why="No command for 0.5 s.")
@@ -329,3 +331,59 @@ async def test_every_cause_is_named(tmp_path: Path, cause: str) -> None:
     happens, simulation, overrides, words = CAUSES[cause]
     why = await why_after(tmp_path, happens, *overrides, **simulation)  # type: ignore[arg-type]
     assert words in why
+
+
+@pytest.mark.parametrize(
+    ("reason", "words"),
+    [
+        ("blocked", "the base was commanded and hardly moved (blocked)."),
+        ("client_silent", "the client that asked fell silent (client_silent)."),
+        ("a later one", "a later one (a later one)."),
+    ],
+)
+def test_an_end_of_moves_is_explained_with_who_asked_and_why(reason: str, words: str) -> None:
+    moves = records.DecisionRecord(state="driving", driver="cmd_vel/moves", why="Moves drive.")
+    ended = records.DecisionRecord(
+        state="stopping", driver="", why="cmd_vel/moves ended with a zero command."
+    )
+    label = f"cmd_vel/moves (moves of my: program: {reason})"
+    found, lines = retold(
+        (9.0, moves),
+        (5.05, records.CommandRecord(source=label, **ZERO)),
+        (5.0, ended),
+    )
+    assert found.why.endswith(
+        "cmd_vel/moves ended with a zero command. These were the moves of my: program: " + words
+    )
+    assert any(f"moves of my: program: {reason}" in words for _, _, words in lines)
+
+
+def test_every_reason_of_an_end_of_moves_has_its_words() -> None:
+    assert set(MOVE_ENDS) == set(get_args(Reason))
+
+
+def test_moves_that_ended_long_before_are_not_why_it_stopped() -> None:
+    label = "cmd_vel/moves (moves of my program: reached)"
+    found, _ = retold(
+        (9.0, records.CommandRecord(source=label, **ZERO)), (8.0, DRIVES), (5.0, SILENT)
+    )
+    assert "moves of" not in found.why
+
+
+@on_virtual_time
+async def test_a_box_of_a_daemon_tells_why_moves_ended(tmp_path: Path) -> None:
+    async def blocked(bench: RobotBench) -> None:
+        await asyncio.sleep(1.5)
+        stop = b'{"vx": 0.0, "source": "moves of my program: blocked"}'
+        for _ in range(6):
+            bench.payload(b'{"vx": 0.3, "source": "yahboomd moves"}', source="cmd_vel/moves")
+            await asyncio.sleep(0.1)
+        for _ in range(10):
+            bench.payload(stop, source="cmd_vel/moves")
+            await asyncio.sleep(0.05)
+        await asyncio.sleep(1.0)
+
+    said = await why_after(tmp_path, blocked)
+    assert said.partition(" These were ")[2].startswith(
+        "the moves of my program: the base was commanded and hardly moved (blocked)."
+    )

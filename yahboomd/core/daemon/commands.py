@@ -123,7 +123,10 @@ class CommandIntake:
             # The arbiter itself counts the total.
             self._by_source[source]["accepted"] += 1
             if self._recorder is not None:
-                self._recorder.command(source, twist)
+                says = command.source if twist.is_zero else None
+                # Ends of moves say what ended them.
+                ended = f" ({says})" if says and says.startswith("moves of ") else ""
+                self._recorder.command(source + ended, twist)
         else:
             self._refused(source, verdict.reason, verdict.detail, twist)
 

@@ -26,9 +26,14 @@ SLIP_SHARE = 0.5
 
 
 class MoveWatch:
-    """Watches one list of moves. All times are in monotonic nanoseconds."""
+    """Watches one list of moves. All times are in monotonic nanoseconds.
 
-    def __init__(self) -> None:
+    Args:
+        steers: The base is a car: how far its steering is behind its command is no slip.
+    """
+
+    def __init__(self, *, steers: bool = False) -> None:
+        self._steers = steers
         self._seen: list[tuple[int, Pose2d, float]] = []
         self._commanded = 0.0
         self._twist = Twist2d()
@@ -77,6 +82,8 @@ class MoveWatch:
             wheels_rad_s: The turning speed by the counts.
             gyro_rad_s: The same by the gyro, without its bias.
         """
+        if self._steers:
+            return False
         wheels = gyro = 0.0
         if self._turns:
             since_s = min(0.1, (now_ns - self._turns[-1][0]) / 1e9)

@@ -63,7 +63,7 @@ class Mover:
 
     def __init__(self, moves: Sequence[Move], begin: Pose2d, base: Base, lag: LagModel) -> None:
         self.ended: MoveEnd | None = None
-        self.watch = MoveWatch()
+        self.watch = MoveWatch(steers=not base.turns)
         self._moves = moves
         self._legs: list[PlannedLeg] = plan(moves, begin, base)
         self._times = [leg.time_s for leg in self._legs]

@@ -29,6 +29,30 @@ REASONS = {
 }
 
 
+MOVES_SOURCE, MOVES_LABEL = "cmd_vel/moves (", "moves of "
+"""How the end of moves is recorded: as ``cmd_vel/moves (moves of NAME: REASON)``."""
+
+MOVE_ENDS = {
+    "reached": "their goal was reached",
+    "cancelled": "a client cancelled them",
+    "client_silent": "the client that asked fell silent",
+    "client_gone": "the client that asked left",
+    "taken_over": "another source drove",
+    "estop": "the emergency stop was engaged",
+    "fault": "the daemon refused motion",
+    "board_lost": "the board was lost",
+    "daemon_lost": "the daemon was lost",
+    "no_pose": "no pose came",
+    "pose_changed": "the pose was set or bridged",
+    "blocked": "the base was commanded and hardly moved",
+    "slipping": "the wheels turned the base, and the gyro did not see it turn",
+    "uncertain": "the place was too uncertain",
+    "not_obeyed": "the daemon did not drive for them",
+    "short": "small commands did not move the base to its goal",
+    "service_ended": "`yahboomd moves` was stopped",
+}
+
+
 class StoryLine(NamedTuple):
     """A line of the story.
 
@@ -155,7 +179,7 @@ def _why(every: list[Record], end_ns: int, end: str) -> str:
         found = ["It drives to the end of the record." if plainly else f"It drives: {last}"]
     else:
         stop = stops.pop()
-        found = [f"It stopped {placed(stop)}"]
+        found = [f"It stopped {placed(stop)}", *_moves_end(every, stop)]
         stops = stops if _ordered(stop) else []
         held = newest is not None and _is_held(newest) and ORDERLY_END not in last
         if held and not (_words(stop) in last or last in _words(stop)):
@@ -209,6 +233,19 @@ def _reported(every: list[Record], stop: Record) -> list[str]:
         and earliest_ns <= record.at_ns <= latest_ns
     ]
     return [each for each in dict.fromkeys(said) if each not in _words(stop)][:2]
+
+
+def _moves_end(every: list[Record], stop: Record) -> list[str]:
+    """Why moves ended, and whose, where their end is the stop."""
+    for at_ns, meaning in reversed(every):
+        if at_ns > stop.at_ns or not isinstance(meaning, records.CommandRecord):
+            continue
+        _, found, label = meaning.source.partition(f"{MOVES_SOURCE}{MOVES_LABEL}")
+        if not found or stop.at_ns - at_ns > NS_PER_S:
+            return []
+        name, _, reason = plain(label.removesuffix(")")).rpartition(": ")
+        return [f"These were the moves of {name}: {MOVE_ENDS.get(reason, reason)} ({reason})."]
+    return []
 
 
 def _said(every: list[Record]) -> list[StoryLine]:
