@@ -156,9 +156,12 @@ bench: $(VENV)/.bench ## measure exactness, latency, throughput, cost and fleet;
 bench-short: $(VENV)/.dev ## the same in a short form, only to see that it works
 	$(PY) -m benchmarks --short --out build/bench-short --store build/bench-short/store $(ARGS)
 
-.PHONY: moves
+.PHONY: moves move-losses
 moves: $(VENV)/.dev ## 400 random moves on simulated robots beside a plain loop: the table of docs/moves.md (8 minutes; ARGS='--moves 64')
 	@PYTHONPATH=tests/plugins $(PY) -m benchmarks.move_table $(ARGS)
+
+move-losses: $(VENV)/.dev ## lose the client of a move in mid-drive, in every way, with real processes (3 minutes; ARGS='--times 2')
+	@PYTHONPATH=tests/plugins $(PY) -m benchmarks.move_losses $(ARGS)
 
 heading: $(VENV)/.dev ## the heading by wheels and gyro on simulated bases, the tables of docs/odometry.md (30 minutes; ARGS='--runs 0 --case slope')
 	@$(PY) -m benchmarks.fused_heading $(ARGS)

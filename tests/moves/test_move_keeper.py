@@ -6,6 +6,7 @@ import asyncio
 import math
 from collections.abc import Callable
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import daemon_samples
@@ -356,6 +357,73 @@ def test_progress_is_published_while_they_are_driven(kept: Kept) -> None:
     count = len(kept.samples)
     kept.keeper.report()
     assert len(kept.samples) == count
+
+
+# From outside.
+
+
+def test_after_a_long_pause_the_daemon_has_time_to_drive_again(kept: Kept) -> None:
+    driving(kept)
+    choose(kept)("pause", None)
+    kept.run(3.0)
+    standing = daemon_samples.status("standing", driver=None, why="At rest.")
+    kept.keeper.status(standing, kept.now_ns)
+    choose(kept)("resume", None)
+    kept.run(0.2)
+    kept.keeper.status(standing, kept.now_ns)
+    assert kept.reason == ""
+    kept.run(2.0)
+    kept.keeper.status(standing, kept.now_ns)
+    assert kept.reason == "not_obeyed"
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        MoveRequest(moves=(Move(kind="straight", distance_m=1.0),), uncertain_m=math.nan),
+        MoveRequest(moves=(Move(kind="straight", distance_m=1.0, speed_m_s=5e-324),)),
+        MoveRequest(moves=(Move(kind="go_to", x=1.0, y=0.3, look_ahead_m=1e-300),)),
+        MoveRequest(moves=(Move(kind="turn", angle_rad=1.0, jerk_rad_s3=5e-324),)),
+        MoveRequest(moves=(Move(kind="arc", radius_m=5e-324, angle_rad=1.0),)),
+        MoveRequest(moves=(Move(kind="go_to", x=math.inf, y=0.0),)),
+        MoveRequest(moves=(Move(kind="follow", points=((0.0, 1.0), (math.nan, 2.0))),)),
+    ],
+    ids=repr,
+)
+def test_numbers_that_no_base_can_drive_are_refused(kept: Kept, request_: MoveRequest) -> None:
+    assert not kept.start(request_).success
+    kept.run(0.5)
+    assert kept.commands == []
+
+
+def test_of_two_clients_at_once_one_is_refused_and_neither_ends_the_other(kept: Kept) -> None:
+    assert kept.start().success
+    other = msgspec.structs.replace(STRAIGHT, by="another", holder="other")
+    assert all(not kept.start(other).success for _ in range(1000))
+    kept.keeper.holder("other", present=False)
+    kept.run(8.0)
+    assert kept.reason == "reached"
+    assert [sample.state for sample in kept.samples].count("ended") == 1
+    assert kept.start(other).success
+
+
+def test_no_order_of_choices_has_it_drive_after_its_end(kept: Kept) -> None:
+    chance = Random(1)
+    for _ in range(60):
+        kept.x = 0.0
+        kept.pose()
+        assert kept.start().success
+        kept.run(0.1)
+        for verb in chance.choices(("pause", "resume"), k=chance.randrange(6)):
+            choose(kept)(verb, chance.choice(("id1", "id2", None)))
+        kept.run(chance.uniform(0.0, 0.4))
+        choose(kept)("cancel", "id1")
+        count = len(kept.commands)
+        for verb in ("resume", "pause", "resume", "cancel"):
+            assert not choose(kept)(verb, "id1").success
+        kept.run(0.3)
+        assert len(kept.commands) == count
+        assert kept.reason == "cancelled"
 
 
 # Every way to lose the client, judged by the wheels.

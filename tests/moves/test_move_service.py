@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 from collections.abc import AsyncIterator, Callable
+from random import Random
 from typing import Any
 
 import pytest
@@ -153,3 +155,45 @@ async def test_a_daemon_that_goes_ends_the_moves_and_they_do_not_go_on_when_it_i
     await daemon.start()
     await eventually(lambda: service._keeper.knows_base)
     assert not moving(daemon)
+
+
+async def test_random_messages_move_nothing_and_end_no_move_of_another(served: Any) -> None:
+    daemon, robot, service = served
+    count = int(os.environ.get("YAHBOOMD_RANDOM_MESSAGES", "200"))
+    chance = Random(1)
+    parts = (b'{"id": "', b'"moves": [', b"{}", b'"kind": "straight"', b"1e999", b"\x81\xa2id\xc0")
+    parts += (b"NaN", b'{"moves": [{"kind": "turn", "angle_rad": NaN}]}', b"\xff\x00", b"[" * 999)
+
+    def payload() -> bytes:
+        return b"".join(chance.choices(parts, k=chance.randrange(4))) + chance.randbytes(
+            chance.randrange(40)
+        )
+
+    for number in range(count):
+        key = chance.choice((BEAT, START, CANCEL, PAUSE, RESUME, MOVES))
+        if chance.random() < 0.8:
+            robot.bus.session.put(key, payload())
+        elif key in {START, CANCEL, PAUSE, RESUME}:
+            # Without a payload they would be requests that mean something.
+            answer = await robot.request(key, b"\xc1" + payload())
+            assert not answer.success
+        if number % 500 == 0:
+            await asyncio.sleep(0)
+    assert daemon.commands == []
+    begun = await robot.request(START, STRAIGHT)
+    assert begun.success, begun.message
+    name = begun.data["id"]
+    for _ in range(20):
+        robot.bus.session.put(BEAT, json.dumps({"id": name}).encode())
+        for key in (BEAT, CANCEL, PAUSE, START):
+            robot.bus.session.put(key, payload())
+        assert not (await robot.request(CANCEL, b'{"id": "another"}')).success
+        assert not (await robot.request(START, STRAIGHT)).success
+    assert service._keeper.last.state == "running"
+    assert (await robot.request(CANCEL, json.dumps({"id": name}).encode())).success
+
+
+async def test_two_clients_that_start_at_once_get_one_move(served: Any) -> None:
+    _, robot, _ = served
+    answers = await asyncio.gather(*(robot.request(START, STRAIGHT) for _ in range(12)))
+    assert sum(answer.success for answer in answers) == 1

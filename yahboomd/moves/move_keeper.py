@@ -151,7 +151,7 @@ class MoveKeeper:
             return ServiceReply(success=False, message=why)
         assert self._pose is not None
         assert self._base is not None
-        if not all(_finite(move) for move in request.moves):
+        if not (_finite(request) and all(_finite(move) for move in request.moves)):
             return ServiceReply(success=False, message="A number of the moves is not finite.")
         try:
             mover = Mover(request.moves, _pose(self._pose), self._base, self._lag)
@@ -280,7 +280,10 @@ class MoveKeeper:
         if mover.ended is not None:
             self.end(mover.ended.reason, mover.ended.message)
         elif twist is not None:
-            if running.commanded_ns is None and not twist.is_zero:
+            # Where it waits or is paused, the daemon need not drive.
+            if twist.is_zero:
+                running.commanded_ns = None
+            elif running.commanded_ns is None:
                 running.commanded_ns = now_ns
             self._drive(twist)
 
@@ -337,9 +340,9 @@ def _pose(sample: PoseSample) -> Pose2d:
     return Pose2d(x=sample.x, y=sample.y, theta=sample.theta)
 
 
-def _finite(move: Move) -> bool:
+def _finite(given: Move | MoveRequest) -> bool:
     return all(
         math.isfinite(value)
-        for name in Move.__struct_fields__
-        if isinstance(value := getattr(move, name), float)
+        for name in given.__struct_fields__
+        if isinstance(value := getattr(given, name), float)
     )

@@ -27,6 +27,8 @@ NEAR_M = 0.02
 """A path whose first point is this near begins at the base."""
 
 FARTHEST_M = 1e7
+LEAST_LIMIT, LEAST_RADIUS_M = 1e-3, 1e-3
+"""A limit, or the radius of an arc, that is smaller is a mistake."""
 
 
 class MoveRefused(ValueError):
@@ -148,6 +150,13 @@ class _Planner:
             raise MoveRefused("A number of it is not finite.")
         if any(abs(each) > FARTHEST_M for each in (*given, *flat)):
             raise MoveRefused(f"A goal farther than {FARTHEST_M:g} m is a mistake.")
+        limits = (
+            *(move.speed_m_s, move.acceleration_m_s2, move.jerk_m_s3, move.look_ahead_m),
+            *(move.turn_rad_s, move.acceleration_rad_s2, move.jerk_rad_s3),
+        )
+        # Written so that a NaN is refused, too.
+        if not all(each is None or each >= LEAST_LIMIT for each in limits):
+            raise MoveRefused(f"A limit of it below {LEAST_LIMIT:g} is a mistake.")
         add = {
             "straight": self._straight,
             "turn": self._turn_by,
@@ -187,7 +196,7 @@ class _Planner:
 
     def _arc(self) -> None:
         move, base = self._move, self._base
-        if move.radius_m <= 0.0:
+        if move.radius_m < LEAST_RADIUS_M:
             raise MoveRefused("An arc needs radius_m above 0; to turn in place, ask for a turn.")
         if move.radius_m < base.least_radius_m:
             raise MoveRefused(
