@@ -99,10 +99,9 @@ class CommandIntake:
         if isinstance(command, Refusal):
             self._refuse(source, command.reason, command.detail)
             return
-        vy = command.vy
-        if vy != 0.0 and not self._holonomic:
+        vy = command.vy if self._holonomic else 0.0
+        if vy != command.vy:
             self._count(source, "vy_ignored")
-            vy = 0.0
         sent_ns = command.stamp_ns or attached_ns
         twist = Twist2d(vx=command.vx, vy=vy, wz=command.wz)
         if self._refusal is not None and not twist.is_zero and (why := self._refusal(source)):
@@ -123,10 +122,8 @@ class CommandIntake:
             # The arbiter itself counts the total.
             self._by_source[source]["accepted"] += 1
             if self._recorder is not None:
-                says = command.source if twist.is_zero else None
-                # Ends of moves say what ended them.
-                ended = f" ({says})" if says and says.startswith("moves of ") else ""
-                self._recorder.command(source + ended, twist)
+                moves_end = f" ({command.source})" if "moves of " in (command.source or "") else ""
+                self._recorder.command(source + moves_end, twist)
         else:
             self._refused(source, verdict.reason, verdict.detail, twist)
 
