@@ -19,6 +19,7 @@ from real_robot import Process, RealRobot, wait_for
 from stalled_relay import StalledRelay
 
 from benchmarks import rig
+from benchmarks.soak.processes import DAEMON_NICE, prefer
 
 STANDS_M_S = 0.002
 MOVES = (("straight", "5"), ("turn", "2000deg"))
@@ -48,6 +49,8 @@ class Losses:
 
     def _serve(self) -> Process:
         service = Process("moves", "--connect", self.robot.endpoint)
+        # As the daemon: a robot has nothing else to do that starves it.
+        prefer(service.process, DAEMON_NICE)
         service.says("answers")
         return service
 
