@@ -95,7 +95,7 @@ async def test_another_kind_of_board_is_refused_and_the_file_stays(tmp_path) -> 
     bench, path = TuningBench("x1"), tmp_path / "board.json"
     bench.link.robot.start(bench.link.clock.now_ns())
     save(path, WAS)
-    with pytest.raises(Refused, match="is of a streamed board"):
+    with pytest.raises(Refused, match="are those of a streamed board"):
         await undo(bench.link.open, bench.link.clock, path, as_json=False)
     assert read_saved(path) == WAS
 
