@@ -84,6 +84,21 @@ def test_a_step_of_the_pose_that_is_announced_teaches_nothing() -> None:
     assert model.lag_s == pytest.approx(before, rel=0.1)
 
 
+@pytest.mark.parametrize("late_s", [0.2, 0.4, 0.8])
+def test_commands_that_a_busy_machine_held_back_teach_nothing(late_s: float) -> None:
+    model, plant = learned(0.1)
+    before = model.lag_s
+    for vx in (0.0, 0.3):
+        held = Twist2d(vx=0.3 - vx)
+        model.command(Twist2d(vx=vx))
+        for _ in range(round(late_s / DT_S)):
+            plant.advance(held, DT_S)
+            model.advance(DT_S)
+            model.seen(plant.pose)
+        run(model, plant, Twist2d(vx=vx), 0.6)
+    assert model.lag_s == pytest.approx(before, rel=0.25)
+
+
 def test_a_step_along_the_axes_of_the_base() -> None:
     ahead, left = in_base(0.0, 2.0, math.pi / 2.0)
     assert (ahead, left) == pytest.approx((2.0, 0.0))
