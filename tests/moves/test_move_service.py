@@ -17,6 +17,7 @@ from yahboomd.client import AsyncRobot, connect
 from yahboomd.client.move_messages import BEAT, CANCEL, MOVES, PAUSE, RESUME, SOURCE, START
 from yahboomd.core.clock import SystemClock
 from yahboomd.core.config import read
+from yahboomd.core.errors import Refused
 from yahboomd.moves import move_keeper
 from yahboomd.moves.motion import move_watch
 from yahboomd.moves.move_service import MoveService
@@ -63,6 +64,16 @@ async def served(
 
 def moving(daemon: Any) -> bool:
     return any(command["vx"] for command in daemon.commands)
+
+
+async def test_a_second_service_of_one_robot_ends_in_words_and_the_first_goes_on(
+    served: Any,
+) -> None:
+    _, robot, _ = served
+    second = MoveService(robot._connection.options, SystemClock())
+    with pytest.raises(Refused, match="serves this robot already"):
+        await second.run()
+    assert (await robot.request(PAUSE)).answered == 1
 
 
 async def test_a_client_of_any_language_has_a_move_driven_and_cancels_it(served: Any) -> None:

@@ -41,6 +41,7 @@ Ctrl-C ends it; the robot stops.
 
 exit status:
   0    you ended it
+  1    another `yahboomd moves` serves this robot already
   69   the bus can never be reached like this
   78   a mistake in the configuration
 """

@@ -56,6 +56,9 @@ DEADMAN_S = 0.25
 
 CONFIG_S = 1.0
 
+SERVING = f"{MOVES}/serving"
+"""Below it each service has a liveliness token, whose name begins with the time of its start."""
+
 Request = TypeVar("Request", bound=msgspec.Struct)
 
 
@@ -86,12 +89,15 @@ class MoveService:
         self._publisher: BusPublisher | None = None
         self._learning: asyncio.Task[None] | None = None
         self._alive = False
+        self._name = f"{clock.wall_ns():020d}-{secrets.token_hex(4)}"
+        self._elder = ""
 
     async def run(self) -> None:
         """Serve until cancelled; then stop the robot if it was driven.
 
         Raises:
             BusError: The options cannot be used.
+            Refused: Another service was there before: two of them would both drive each move.
         """
         await self.robot.join(math.inf)
         try:
@@ -100,6 +106,13 @@ class MoveService:
             while True:
                 await asyncio.sleep(CHECK_S)
                 checks += 1
+                if self._elder:
+                    raise Refused(
+                        "Another `yahboomd moves` serves this robot already, and two would both "
+                        "drive each move.",
+                        remedy="Use that one, or end it first: `systemctl stop yahboomd-moves`, "
+                        "or Ctrl-C where it runs.",
+                    )
                 self._look_for_daemon()
                 self._keeper.check(self._clock.now_ns())
                 if checks % REPORT_EVERY == 0:
@@ -121,6 +134,8 @@ class MoveService:
         robot.on(PoseSample, lambda pose: keeper.pose(pose, now()))
         bus.subscribe(BEAT, self._beat, depth=64)
         bus.watch_tokens(f"{HOLDER}/*", self._tokens)
+        bus.watch_tokens(f"{SERVING}/*", self._others)
+        bus.token(f"{SERVING}/{self._name}")
         self._serve(START, self._start)
         self._serve(CANCEL, self._choosing("cancel"))
         self._serve(PAUSE, self._choosing("pause"))
@@ -171,6 +186,12 @@ class MoveService:
     def _tokens(self, changes: list[TokenChange]) -> None:
         for change in changes:
             self._keeper.holder(change.key.rpartition("/")[2], present=change.present)
+
+    def _others(self, changes: list[TokenChange]) -> None:
+        for change in changes:
+            name = change.key.rpartition("/")[2]
+            if change.present and name < self._name:
+                self._elder = name
 
     async def _start(self, query: BusQuery) -> Response:
         request = _read(query, MoveRequest)
