@@ -103,7 +103,7 @@ async def test_a_base_that_is_held_is_blocked(tmp_path: Path) -> None:
             motor.faults = MotorFaults(stalled=True)
         driven = await bench.move([Move(kind="straight", distance_m=1.0)])
         assert driven.ended.reason == "blocked"
-        assert "in its way" in driven.ended.message
+        assert "obstacle" in driven.ended.message
 
 
 @on_virtual_time

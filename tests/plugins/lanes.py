@@ -4,8 +4,8 @@ Tests that are marked ``realtime`` wait for most of their time, and want a proce
 wake; the others use all that they get. So one process of two or three computes, at a low priority,
 and waits when nothing is left to compute; the others wait. What floods or measures is late beside
 its like: the first process has it all, one after the other. With a process for each core it has no
-robots beside it; processes more than the cores begin once nothing floods and little computes. The
-tests of an ``xdist_group`` have one process.
+robots beside it; one process more than the cores begins once nothing floods, the next one once
+little computes. The tests of an ``xdist_group`` have one process.
 """
 
 from __future__ import annotations
@@ -61,8 +61,13 @@ def computes(number: int) -> bool:
 
 
 def begins_late(number: int) -> bool:
-    """Whether a process is one more than the cores: it leaves them to the others at first."""
+    """Whether a process is one more than the cores: it begins once nothing floods."""
     return number >= max(2, os.cpu_count() or 1)
+
+
+def begins_last(number: int) -> bool:
+    """Whether it is two more than the cores: it also lets the computing end first."""
+    return number > max(2, os.cpu_count() or 1)
 
 
 class Lanes(LoadScopeScheduling):  # type: ignore[misc]
@@ -106,7 +111,7 @@ class Lanes(LoadScopeScheduling):  # type: ignore[misc]
         if node.shutting_down or self._pending_of(self.assigned_work[node]) > 1:
             return
         number = int(node.gateway.id.removeprefix("gw"))
-        if begins_late(number) and self._busy():
+        if begins_late(number) and (self._floods() or (begins_last(number) and self._computes())):
             return
         scope = self._next_scope(number)
         if scope is None:
@@ -115,15 +120,16 @@ class Lanes(LoadScopeScheduling):  # type: ignore[misc]
         self.assigned_work[node][scope] = unit = self.workqueue.pop(scope)
         node.send_runtest_some([self._index[each] for each, done in unit.items() if not done])
 
-    def _busy(self) -> bool:
-        """Whether something heavy runs, or is still to come, as is something that computes."""
-        queue = self.workqueue
-        to_come = queue and (
-            next(iter(queue)) in self._heavy or next(reversed(queue)) not in self._waits
-        )
+    def _floods(self) -> bool:
+        """Whether something heavy runs, or is still to come."""
+        to_come = self.workqueue and next(iter(self.workqueue)) in self._heavy
         return bool(to_come) or any(
             not self._heavy.isdisjoint(units) for units in self.assigned_work.values()
         )
+
+    def _computes(self) -> bool:
+        """Whether something that computes is still to come."""
+        return bool(self.workqueue) and next(reversed(self.workqueue)) not in self._waits
 
     def _next_scope(self, number: int) -> str | None:
         """The next scope for a process: the first takes them in order, computations come last."""

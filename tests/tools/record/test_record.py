@@ -107,9 +107,10 @@ def test_a_recorder_that_is_killed_leaves_what_it_has_written(
 ) -> None:
     folder = tmp_path / "run"
     process = start(one_robot, str(folder))
-    part = folder / "native_0.mcap"
+    part, other = folder / "native_0.mcap", folder / "ros2_0.mcap"
     drive(on_robot, "--wz", "1", "--for", "1")
-    wait_for(lambda: part.exists() and part.stat().st_size > 20_000, "a chunk is written")
+    for file in (part, other):
+        wait_for(lambda f=file: f.exists() and f.stat().st_size > 20_000, "a chunk is written")
     process.kill()
     process.communicate()
     found = 0
