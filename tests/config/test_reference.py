@@ -1,7 +1,9 @@
 from __future__ import annotations
 
+import ast
 import tomllib
-from dataclasses import fields
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 
 import pytest
@@ -54,6 +56,26 @@ def test_the_reference_has_a_row_for_every_key():
         part = page.split(f"## `[{name}]`")[1].split("\n## ")[0]
         for key in vars(section):
             assert f"| `{key}` |" in part
+
+
+SECTIONS = ("hardware.py", "driving.py", "outputs.py", "rules.py")
+"""The files that define keys and compare them with each other."""
+
+
+def names(section: object) -> Iterator[str]:
+    """Every key below a section."""
+    for field in fields(section):
+        value = getattr(section, field.name)
+        yield from names(value) if is_dataclass(value) else [field.name]
+
+
+def test_every_key_is_read_somewhere():
+    """A key can be checked and documented, and have no effect."""
+    read_beside = {"travel_noise_m"}  # a property beside it makes its square
+    files = [path for path in (ROOT / "yahboomd").rglob("*.py") if path.name not in SECTIONS]
+    nodes = (node for path in files for node in ast.walk(ast.parse(path.read_text())))
+    read_somewhere = {node.attr for node in nodes if isinstance(node, ast.Attribute)}
+    assert set(names(Config())) - read_somewhere == read_beside
 
 
 def test_every_row_of_the_reference_has_four_cells():
