@@ -4,8 +4,8 @@ Tests that are marked ``realtime`` wait for most of their time, and want a proce
 wake; the others use all that they get. So one process of two or three computes, at a low priority,
 and waits when nothing is left to compute; the others wait. What floods or measures is late beside
 its like: the first process has it all, one after the other. With a process for each core it has no
-robots beside it; one process more than the cores begins once nothing floods, the next one once
-little computes. The tests of an ``xdist_group`` have one process.
+robots beside it; processes more than the cores begin once nothing floods, and the last one
+computes. The tests of an ``xdist_group`` have one process.
 """
 
 from __future__ import annotations
@@ -56,18 +56,13 @@ def _marks(path: Path) -> tuple[str | None, bool, frozenset[str]]:
 
 
 def computes(number: int) -> bool:
-    """Whether a process computes first: one of two or three."""
-    return number % 3 == 1
+    """Whether a process computes first: one of two or three, and the last one."""
+    return number % 3 == 1 or number > max(2, os.cpu_count() or 1)
 
 
 def begins_late(number: int) -> bool:
     """Whether a process is one more than the cores: it begins once nothing floods."""
     return number >= max(2, os.cpu_count() or 1)
-
-
-def begins_last(number: int) -> bool:
-    """Whether it is two more than the cores: it also lets the computing end first."""
-    return number > max(2, os.cpu_count() or 1)
 
 
 class Lanes(LoadScopeScheduling):  # type: ignore[misc]
@@ -111,7 +106,7 @@ class Lanes(LoadScopeScheduling):  # type: ignore[misc]
         if node.shutting_down or self._pending_of(self.assigned_work[node]) > 1:
             return
         number = int(node.gateway.id.removeprefix("gw"))
-        if begins_late(number) and (self._floods() or (begins_last(number) and self._computes())):
+        if begins_late(number) and self._floods():
             return
         scope = self._next_scope(number)
         if scope is None:
@@ -126,10 +121,6 @@ class Lanes(LoadScopeScheduling):  # type: ignore[misc]
         return bool(to_come) or any(
             not self._heavy.isdisjoint(units) for units in self.assigned_work.values()
         )
-
-    def _computes(self) -> bool:
-        """Whether something that computes is still to come."""
-        return bool(self.workqueue) and next(reversed(self.workqueue)) not in self._waits
 
     def _next_scope(self, number: int) -> str | None:
         """The next scope for a process: the first takes them in order, computations come last."""
