@@ -146,7 +146,7 @@ def bench(*, short: bool, images: Path) -> Section:
                 f"{number(median(per_command[loop]))} µs for a command."
             )
     draw(section, curves, images)
-    stages(section, 2.0 if short else 20.0)
+    stages(section, 2.0 if short else 20.0, least=0.05 if short else 0.5)
     profile(section, 2.0 if short else 40.0, images)
     return section
 
@@ -186,9 +186,9 @@ def staged(seconds: float) -> list[list[int]]:
         return [json.loads(line) for line in path.read_text().splitlines()]
 
 
-def stages(section: Section, seconds: float) -> None:
+def stages(section: Section, seconds: float, least: float) -> None:
     """The time of each stage of a command between Zenoh's callback and the port."""
-    found = spans(staged(seconds), round(seconds * COMMANDS_HZ))
+    found = spans(staged(seconds), round(seconds * COMMANDS_HZ), least)
     rows = [
         [stage, number(median([each[n] for each in found]) / 1e3),
          number(quantile([each[n] for each in found], 0.9) / 1e3)]

@@ -63,19 +63,20 @@ def install(path: Path) -> None:
         setattr(owner, name, stamped(stage, getattr(owner, name)))
 
 
-def spans(moments: Sequence[Sequence[int]], sent: int) -> list[list[int]]:
+def spans(moments: Sequence[Sequence[int]], sent: int, least: float = 0.5) -> list[list[int]]:
     """The time of each stage of each command, in nanoseconds.
 
     Args:
         moments: The lines of the file.
         sent: The number of commands that were sent meanwhile.
+        least: The share of them that has to pass every stage in time.
 
     Raises:
         ValueError: A stage was passed by too few commands, or before the one that leads to it: the
             way of a command is another one by now, and ``STAGES`` has to follow it.
     """
     found = [[later - earlier for earlier, later in pairwise(each)] for each in moments]
-    if len(found) < sent / 2:
+    if len(found) < least * sent:
         raise ValueError(f"only {len(found)} of {sent} commands passed every stage")
     wrong = [stage for each in found for stage, span in zip(STAGES, each, strict=True) if span < 0]
     if wrong:

@@ -55,6 +55,30 @@ async def test_a_move_is_asked_for_kept_alive_and_awaited(moves: Any) -> None:
     assert served.asked == [START]
 
 
+async def test_a_service_that_becomes_known_a_moment_later_is_asked_again(
+    fake_daemon: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(move_run, "KNOWN_S", 60.0)
+    daemon = await fake_daemon()
+    bus = Bus(BusOptions(listen=(), connect=(daemon.endpoint,)))
+    await bus.open()
+    served: list[FakeMoves] = []
+    async with connect(daemon.endpoint) as robot:
+        ask = robot.request
+
+        async def request(*arguments: Any, **options: Any) -> Any:
+            answer = await ask(*arguments, **options)
+            if not served:
+                assert not answer.answered
+                served.append(FakeMoves(bus))
+            return answer
+
+        monkeypatch.setattr(robot, "request", request)
+        async with robot.moves(TURN) as run:
+            assert run.id == "m1"
+    await bus.close()
+
+
 async def test_one_that_ends_before_its_goal_raises_with_the_reason(moves: Any) -> None:
     served, robot = moves
     driving = asyncio.create_task(robot.straight(1.0))

@@ -39,6 +39,9 @@ from yahboomd.core.messages.codecs import encode, encoding_name
 ASK_S = 3.0
 """The longest wait for the answer to a start: the service may have to ask the daemon first."""
 
+KNOWN_S, AGAIN_S = 1.0, 0.05
+"""A session that has just begun may know a service a moment later: it is asked for this time."""
+
 SERVICE_S = 2.0
 """Progress comes ten times a second; without any for this time, the service is gone."""
 
@@ -138,7 +141,15 @@ class MoveRun:
         self._look()
 
     async def _ask(self) -> str:
-        answer = await self._robot.request(START, encode(self._request, "json"), timeout_s=ASK_S)
+        now_s = asyncio.get_running_loop().time
+        until_s = now_s() + KNOWN_S
+        while True:
+            payload = encode(self._request, "json")
+            answer = await self._robot.request(START, payload, timeout_s=ASK_S)
+            # A query that no service takes ends at once, so it can be asked again.
+            if answer.answered or now_s() > until_s:
+                break
+            await asyncio.sleep(AGAIN_S)
         if not answer.answered:
             raise NoDaemon("No `yahboomd moves` answers: nothing was driven.", remedy=REMEDY)
         if not answer.success:
