@@ -119,14 +119,16 @@ class SimulatedPerson:
         if found := re.match(r"\nTurn the mark of the (.*) wheel to its top", question):
             self._marked, self._looked = now, found[1].replace(" ", "_")
             return "y"
-        if question.startswith(("On its way", "Is the mark at the bottom now?")):
+        if question.startswith(
+            ("On its way", "Is the mark at the bottom now?", "How far did the wheel turn")
+        ):
             if any(name != self._looked and abs(each) > 0.02 for name, each in moved.items()):
                 return "w"
+            if question.startswith("How far did the wheel turn"):
+                return f"{round(360.0 * moved[self._looked], -1):g}"
             if question.startswith("On its way"):
                 return "y" if moved[self._looked] > 0.45 else "n"
             return "y" if abs(moved[self._looked] - 0.5) < 0.05 else "n"
-        if question.startswith("How far did the wheel turn, in degrees?"):
-            return f"{round(360.0 * moved[self._looked], -1):g}"
         return "y" if question.startswith("Take ") else ""
 
     def _turns(self, travel_m: float) -> float:

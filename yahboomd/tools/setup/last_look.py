@@ -152,16 +152,21 @@ class LastLook:
             if answer == "w":
                 return None
             if answer != "a":
-                return counted * 360.0 / await self._degrees()
+                degrees = await self._degrees()
+                return counted * 360.0 / degrees if degrees is not None else None
 
-    async def _degrees(self) -> float:
+    async def _degrees(self) -> float | None:
+        """The person's number; None if another wheel turned."""
         while True:
             text = await self._line(
-                "How far did the wheel turn, in degrees? (90: a quarter; 180: half; 360: once)"
+                "How far did the wheel turn, in degrees? (90: a quarter; 180: half; 360: once; "
+                "w: another wheel turned)"
             )
+            if text.lower() == "w":
+                return None
             if (value := read_number(text, lambda number: 5.0 <= number <= 720.0)) is not None:
                 return value
-            say("A number from 5 to 720, please.")
+            say("A number from 5 to 720, or w, please.")
 
     async def _choice(self, question: str, letters: str) -> str:
         while True:
