@@ -64,7 +64,7 @@ def begin(page: Page) -> None:
         page.evaluate(f"document.querySelector('[name={name}]').value = {value}")
     page.evaluate("document.querySelector('.choice [type=submit]').scrollIntoView()")
     page.tap(".choice [type=submit]")
-    there(page, ".hold")
+    there(page, ".calibrate .hold")
 
 
 def hold(bench: PageBench, page: Page, *, by_enter: bool = False) -> None:
@@ -72,14 +72,14 @@ def hold(bench: PageBench, page: Page, *, by_enter: bool = False) -> None:
 
     def press() -> None:
         if by_enter:
-            page.evaluate("document.querySelector('.hold').focus()")
+            page.evaluate("document.querySelector('.calibrate .hold').focus()")
             page.key("Enter", down=True)
         else:
-            page.touch(page.middle(".hold"))
+            page.touch(page.middle(".calibrate .hold"))
 
     def moves() -> bool:
         # On a busy machine a hold may come too late: then it has to be pressed again.
-        if not page.evaluate("document.querySelector('.hold.held') !== null"):
+        if not page.evaluate("document.querySelector('.calibrate .hold.held') !== null"):
             page.key("Enter", down=False) if by_enter else page.lift()
             press()
         return bench.is_moving()
@@ -100,7 +100,7 @@ def another_view(page: Page) -> None:
 
 
 def second_finger(page: Page) -> None:
-    page.touch(page.middle(".hold"), (30.0, 20.0))
+    page.touch(page.middle(".calibrate .hold"), (30.0, 20.0))
 
 
 LOSSES: dict[str, Callable[[Page], None]] = {
@@ -177,9 +177,9 @@ def test_a_calibration_by_tape_through_the_page_writes_the_true_size(
         while not page.evaluate("document.querySelector('#answer') !== null"):
             before = bench.robot.settled_truth()
             hold(bench, page)
-            gone(page, ".hold.held")
+            gone(page, ".calibrate .hold.held")
             page.lift()
-            page.until(f"!document.querySelector('.hold') || {AGAIN}")
+            page.until(f"!document.querySelector('.calibrate .hold') || {AGAIN}")
         after = bench.robot.settled_truth()
         turned = math.degrees(abs(after.theta - before.theta))
         return math.hypot(after.x - before.x, after.y - before.y), turned
@@ -194,7 +194,7 @@ def test_a_calibration_by_tape_through_the_page_writes_the_true_size(
     page.says(".wizard .error", "A number of metres")
     answer(f"{length_m:.4f}")
     for _ in range(2):
-        there(page, ".hold")
+        there(page, ".calibrate .hold")
         _, turned = run()
         answer(f"{turned - 360.0:.3f}".replace(".", ","))
     page.says("#view-calibrate", "It is written.")
