@@ -308,7 +308,7 @@ class Error(NamedTuple):
 
 
 async def driven(bench: MoveBench, move: Move, goal: Pose2d) -> Error:
-    """One move; where the robot is truly, and where it believes to be."""
+    """One move, with the true pose of the robot and the pose that it believes."""
     began, truly = bench.heard.estimates[-1].pose, bench.truth
     drive = await bench.move([move])
     pose = bench.heard.estimates[-1].pose
