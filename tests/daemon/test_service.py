@@ -27,6 +27,7 @@ from yahboomd.core.daemon.key_table import OUTPUTS
 from yahboomd.core.daemon.logs import PatientHandler
 from yahboomd.core.daemon.service import Daemon
 from yahboomd.core.errors import BusError
+from yahboomd.ros2.ros2_plane import Ros2Plane
 from yahboomd.simulation.memory import MemoryPort
 from yahboomd.simulation.robot import SimulatedRobot
 
@@ -51,7 +52,13 @@ class Running:
             "STATE_DIRECTORY": str(folder / "state"),
             **environ,
         }
-        self.daemon = Daemon(self.config, environ=environ, clock=SystemClock(), opener=self.open)
+        self.daemon = Daemon(
+            self.config,
+            environ=environ,
+            planes=(Ros2Plane(),),
+            clock=SystemClock(),
+            opener=self.open,
+        )
         self.task = asyncio.create_task(self.daemon.run())
         self.samples: dict[str, list[zenoh.Sample]] = {}
 
@@ -205,9 +212,9 @@ async def test_what_only_records_may_fail_and_the_wheels_follow_and_stop(
         raise error
 
     daemon = running.daemon
-    box, publisher, ros2 = daemon._box, daemon._publisher, daemon._ros2
+    box, publisher = daemon._box, daemon._publisher
+    ((_, ros2),) = daemon._planes._started
     assert box._file is not None
-    assert ros2 is not None
     ring = box._file._path
     box._file.ring._store = fail
     for part in (publisher, ros2):
@@ -215,9 +222,10 @@ async def test_what_only_records_may_fail_and_the_wheels_follow_and_stop(
             setattr(part, name, fail)
     ros2.status = fail  # type: ignore[method-assign]
     await follow_and_stop(running)
-    await eventually(lambda: running.decoded("status")[-1]["command"]["recorder_failures"] >= 4)
+    await eventually(lambda: running.decoded("status")[-1]["command"]["recorder_failures"] >= 5)
     status = running.decoded("status")[-1]["command"]
-    for name in ("The black box", "The pose on the bus", "The events on the bus"):
+    parts = "The black box", "The pose on the bus", "The events on the bus", "The status for ROS 2"
+    for name in parts:
         assert f"{name}: {type(error).__name__}" in status["recorders_off"]
     assert (status["blackbox_recording"], status["blackbox_saving"]) == (0, 0)
     publisher.status = fail  # type: ignore[method-assign]

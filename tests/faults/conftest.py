@@ -17,6 +17,7 @@ from zenoh_fixtures import eventually, free_endpoint
 from yahboomd.core.clock import SystemClock
 from yahboomd.core.config import read
 from yahboomd.core.daemon.service import Daemon
+from yahboomd.ros2.ros2_plane import Ros2Plane
 from yahboomd.simulation.robot import SimulatedRobot
 
 
@@ -46,7 +47,13 @@ class InnerDaemon:
             "STATE_DIRECTORY": str(folder / "state"),
             **environ,
         }
-        self.daemon = Daemon(config, environ=environ, clock=SystemClock(), opener=self._open)
+        self.daemon = Daemon(
+            config,
+            environ=environ,
+            planes=(Ros2Plane(),),
+            clock=SystemClock(),
+            opener=self._open,
+        )
         self.task = asyncio.create_task(self.daemon.run())
         self.session: zenoh.Session
 

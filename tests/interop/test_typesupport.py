@@ -7,11 +7,11 @@ import pytest
 from ros_peers import HERE, built
 
 from yahboomd.core.config import read
-from yahboomd.core.daemon.ros2_graphs.ros2_parameters import parameter_server
 from yahboomd.core.messages import ros2
 from yahboomd.core.messages.native import SetPoseRequest
 from yahboomd.core.messages.rcl_interfaces import log
 from yahboomd.core.messages.set_pose import decode_pose
+from yahboomd.ros2.ros2_parameters import parameter_server
 from yahboomd.tools.schemas.cdr_samples import CDR
 
 DISTROS = ("jazzy", "kilted")

@@ -6,7 +6,9 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from ros_oracle import Oracle
+from ros_oracle import oracle
+
+__all__ = ["oracle"]
 
 
 def _header(stamp_ns: int, frame_id: str) -> dict[str, Any]:
@@ -24,11 +26,6 @@ def _twist(numbers: Any) -> dict[str, Any]:
 
 def _quaternion(numbers: Any) -> dict[str, float]:
     return dict(zip("xyzw", numbers, strict=True))
-
-
-@pytest.fixture(scope="session")
-def oracle() -> Oracle:
-    return Oracle()
 
 
 @pytest.fixture(scope="session")

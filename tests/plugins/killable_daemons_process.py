@@ -14,6 +14,7 @@ import sys
 
 from yahboomd.core.config import read
 from yahboomd.core.daemon.service import Daemon
+from yahboomd.ros2.ros2_plane import Ros2Plane
 
 PR_SET_PDEATHSIG = 1
 
@@ -28,7 +29,7 @@ def main() -> None:
         if pid == 0:
             libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-            asyncio.run(Daemon(config, environ=os.environ).run())
+            asyncio.run(Daemon(config, environ=os.environ, planes=(Ros2Plane(),)).run())
             os._exit(0)
         print(pid, flush=True)
 

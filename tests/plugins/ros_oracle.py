@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
 
@@ -132,3 +133,8 @@ class Oracle:
     def type_hash(self, typename: str) -> str:
         """The RIHS01 hash of a message or a service."""
         return self.store.hash_rihs01(typename)
+
+
+@pytest.fixture(scope="session")
+def oracle() -> Oracle:
+    return Oracle()

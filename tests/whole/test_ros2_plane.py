@@ -13,12 +13,12 @@ from fault_bench import TICK_M, FaultBench, Kept
 from ros_oracle import Oracle
 
 from yahboomd.core.daemon.publisher import Publisher
-from yahboomd.core.daemon.ros2_graphs.ros2_plane import topics
-from yahboomd.core.daemon.ros2_graphs.ros2_samples import RosPublisher, Spread
 from yahboomd.core.daemon.stamps import WallStamps
 from yahboomd.core.messages import cdr
 from yahboomd.core.messages.ros2 import Qos
 from yahboomd.core.model import OdometryEstimate, Twist2d
+from yahboomd.ros2.ros2_plane import topics
+from yahboomd.ros2.ros2_samples import RosPublisher, Spread
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 

@@ -84,6 +84,7 @@ def _serve(args: argparse.Namespace, guard: int | None) -> int:
     from yahboomd.core.daemon.logs import configure, flush
     from yahboomd.core.daemon.process import die_of
     from yahboomd.core.daemon.service import Daemon
+    from yahboomd.ros2.ros2_plane import Ros2Plane
 
     loaded = read_config(args)
     configure(loaded.config.log.level, os.environ, sys.stderr)
@@ -93,7 +94,8 @@ def _serve(args: argparse.Namespace, guard: int | None) -> int:
         log.warning("%s", warning)
 
     async def main() -> int:
-        daemon = Daemon(loaded.config, environ=os.environ, guard=guard)
+        planes = (Ros2Plane(),)
+        daemon = Daemon(loaded.config, environ=os.environ, planes=planes, guard=guard)
         status = os.EX_OK
         try:
             await daemon.run()

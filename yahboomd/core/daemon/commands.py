@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, TypeAlias
 
 from yahboomd.core.blackbox.recorder import Recorder
 from yahboomd.core.bus.subscriptions import Arrival
@@ -15,10 +15,12 @@ from yahboomd.core.drive.arbitration import Accepted
 from yahboomd.core.messages import cdr
 from yahboomd.core.messages.codecs import Refusal, decode_command, decode_set_pose
 from yahboomd.core.messages.native import SetPoseRequest
-from yahboomd.core.messages.ros2 import parse_attachment
 from yahboomd.core.messages.set_pose import decode_pose
 from yahboomd.core.messages.status_fields import REFUSALS, ZEROS
 from yahboomd.core.model import STANDSTILL, Event, Pose2d, Twist2d
+
+SentAt: TypeAlias = Callable[[Arrival], int | None]
+"""Reads the time of sending (Unix ns) that a sample carries beside its message, if there is one."""
 
 
 class CommandIntake:
@@ -54,19 +56,20 @@ class CommandIntake:
         self._by_source: dict[str, Counter[str]] = {}
         self.last_refusal = ""
 
-    def handler(self, source: str, *, attached: bool = False) -> Callable[[list[Arrival]], None]:
+    def handler(
+        self, source: str, sent_at: SentAt = lambda _: None
+    ) -> Callable[[list[Arrival]], None]:
         """The subscription for a source's key. The key is the authority, not the payload.
 
         Args:
-            attached: rmw_zenoh's nodes send on this key: their attachment has the time of sending,
-                if the message does not.
+            sent_at: The time of sending, for messages without a stamp of their own.
         """
         self._by_source.setdefault(source, Counter())
 
         def take(arrivals: list[Arrival]) -> None:
             self._notice_pause()
             for arrival in arrivals:
-                self._take(source, arrival, _attached_ns(arrival) if attached else None)
+                self._take(source, arrival, sent_at(arrival))
             self._step()
 
         return take
@@ -86,7 +89,7 @@ class CommandIntake:
             facts["clock_warnings"] = warnings
         return facts
 
-    def _take(self, source: str, arrival: Arrival, attached_ns: int | None) -> None:
+    def _take(self, source: str, arrival: Arrival, carried_ns: int | None) -> None:
         self._count(source, "received", 1 + arrival.dropped)
         if arrival.dropped:
             self._count(source, "overrun", arrival.dropped)
@@ -102,7 +105,7 @@ class CommandIntake:
         vy = command.vy if self._holonomic else 0.0
         if vy != command.vy:
             self._count(source, "vy_ignored")
-        sent_ns = command.stamp_ns or attached_ns
+        sent_ns = command.stamp_ns or carried_ns
         twist = Twist2d(vx=command.vx, vy=vy, wz=command.wz)
         if self._refusal is not None and not twist.is_zero and (why := self._refusal(source)):
             self._refuse(source, "battery_empty", why, twist)
@@ -157,11 +160,6 @@ def _by_reason(counters: Counter[str]) -> dict[str, Any]:
     }
     plain = {name: count for name, count in counters.items() if not name.startswith(_REFUSED)}
     return {**ZEROS["sources"], **plain, "refused": {**dict.fromkeys(REFUSALS, 0), **refused}}
-
-
-def _attached_ns(arrival: Arrival) -> int | None:
-    attachment = parse_attachment(arrival.attachment or b"")
-    return attachment.stamp_ns if attachment is not None and attachment.stamp_ns > 0 else None
 
 
 QUIET_S = 60.0

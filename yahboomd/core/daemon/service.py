@@ -6,7 +6,7 @@ import asyncio
 import gc
 import logging
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any, NoReturn
 
@@ -22,12 +22,11 @@ from yahboomd.core.daemon.commands import ClockWatch, CommandIntake, PoseIntake
 from yahboomd.core.daemon.control import Controller
 from yahboomd.core.daemon.estop.local_stop import LocalStop
 from yahboomd.core.daemon.key_table import OUTPUTS
+from yahboomd.core.daemon.planes import Plane, PlaneRequests, Planes
 from yahboomd.core.daemon.process import Notifier, Signals, open_bus
 from yahboomd.core.daemon.publisher import Publisher
 from yahboomd.core.daemon.recorders import Recorders
 from yahboomd.core.daemon.requests import Operator, Services
-from yahboomd.core.daemon.ros2_graphs import ros2_plane
-from yahboomd.core.daemon.ros2_graphs.ros2_samples import RosPublisher
 from yahboomd.core.daemon.stamps import WallStamps
 from yahboomd.core.daemon.status_sample import Status
 from yahboomd.core.daemon.supervisor import Supervisor
@@ -47,6 +46,7 @@ class Daemon:
     """One robot's daemon. ``run`` is called once.
 
     Args:
+        planes: Publish beside the native plane. None of them can stop the daemon.
         opener: Opens the port; made from the configuration unless given.
         guard: The pipe to the process that stops the wheels if this one cannot; None without it.
     """
@@ -56,6 +56,7 @@ class Daemon:
         config: Config,
         *,
         environ: Mapping[str, str],
+        planes: Sequence[Plane] = (),
         clock: Clock | None = None,
         opener: Opener | None = None,
         guard: int | None = None,
@@ -69,7 +70,7 @@ class Daemon:
         self._signals = Signals(self.stop)
         self._status_due = asyncio.Event()
         self._recorders = Recorders()
-        self._ros2: RosPublisher | None = None
+        self._planes = Planes(planes, self._recorders)
         self._callback_failed = asyncio.Event()
         self._took_over = False
         self.left_clean = True
@@ -213,14 +214,8 @@ class Daemon:
             bus.subscribe(source, intake.handler(source), keep_oversize=True)
         poses = PoseIntake(operator, config.ros2.frame_prefix + config.odometry.frame_id)
         bus.subscribe(keys.ODOMETRY_SET_POSE, poses.accept)
-        self._ros2 = ros2_plane.start(
-            bus,
-            config,
-            clock,
-            services=services,
-            commands=lambda source: intake.handler(source, attached=True),
-            poses=poses.accept,
-        )
+        requests = PlaneRequests(services, intake.handler, poses.accept)
+        self._planes.start(bus, config, clock, requests)
         BusPresence(
             bus, report=controller.event, bus_lost=controller.bus_lost, changed=self.changed
         ).announce()
@@ -313,8 +308,7 @@ class Daemon:
                 if (sample := call("The status", status.sample)) is not None:
                     call(NAME, self._box.status, sample)
                     call("The status on the bus", self._publisher.status, sample)
-                    if self._ros2 is not None:
-                        call("The status for ROS 2", self._ros2.status, sample)
+                    self._planes.status(sample)
                     words = f"{sample.state}: {sample.why}"
                     call("The status for the service manager", notifier.status, words)
                 call("The watch on senders' clocks", self._clocks.report, self._clock.now_ns())
@@ -344,28 +338,28 @@ class Daemon:
         self._local.observe(estimate.motor_speed_m_s)
         publish, call = self._publisher, self._recorders.call
         stamp_ns = call("The pose on the bus", publish.estimate, estimate, command_m_s)
-        if stamp_ns is not None and self._ros2 is not None:
-            call("The pose for ROS 2", self._ros2.estimate, estimate, stamp_ns)
+        if stamp_ns is not None:
+            self._planes.estimate(estimate, stamp_ns)
 
     def imu(self, estimate: ImuEstimate) -> None:
-        call = self._recorders.call
-        stamp_ns = call("The inertial sensor on the bus", self._publisher.imu, estimate)
-        if stamp_ns is not None and self._ros2 is not None:
-            call("The inertial sensor for ROS 2", self._ros2.imu, estimate, stamp_ns)
+        name, publish = "The inertial sensor on the bus", self._publisher.imu
+        stamp_ns = self._recorders.call(name, publish, estimate)
+        if stamp_ns is not None:
+            self._planes.imu(estimate, stamp_ns)
 
     def battery(self, volts: float) -> None:
-        call = self._recorders.call
-        stamp_ns = call("The voltage on the bus", self._publisher.battery, volts)
-        if stamp_ns is not None and self._ros2 is not None:
-            call("The voltage for ROS 2", self._ros2.battery, volts, stamp_ns)
+        publish = self._publisher.battery
+        stamp_ns = self._recorders.call("The voltage on the bus", publish, volts)
+        if stamp_ns is not None:
+            self._planes.battery(volts, stamp_ns)
 
     def event(self, event: Event) -> None:
         call = self._recorders.call
         call(NAME, self._box.event, event)
         stamp_ns = call("The events on the bus", self._publisher.event, event)
-        # An emergency stop over the local socket may come before the bus is set up.
-        if stamp_ns is not None and self._ros2 is not None:
-            call("The events for ROS 2 (/rosout)", self._ros2.event, event, stamp_ns)
+        # An emergency stop over the local socket may come before any plane is started.
+        if stamp_ns is not None:
+            self._planes.event(event, stamp_ns)
 
     def _clock_stepped(self, event: Event) -> None:
         self._controller.event(event)

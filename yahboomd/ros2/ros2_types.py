@@ -14,6 +14,7 @@ from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.presence import TokenChange
 from yahboomd.core.bus.survey import Survey
 from yahboomd.core.clock import nanoseconds
+from yahboomd.core.daemon.planes import Guard
 from yahboomd.core.daemon.publisher import Pace
 from yahboomd.core.messages import ros2
 
@@ -32,8 +33,9 @@ class _Writer(msgspec.Struct):
 class TypeWatch:
     """Knows the types that nodes publish on the topics of commands."""
 
-    def __init__(self, bus: Bus) -> None:
+    def __init__(self, bus: Bus, guarded: Guard) -> None:
         self._bus = bus
+        self._guarded = guarded
         self._pace = Pace(nanoseconds(ASK_EVERY_S))
         self._surveys: list[Survey] = []
         self._behind_bridges: dict[str, dict[str, frozenset[str]]] = {}
@@ -53,7 +55,8 @@ class TypeWatch:
             def answered(answers: list[bytes], topic: str = topic) -> None:
                 found[topic] = frozenset(filter(None, map(_type_of_writer, answers)))
 
-            self._surveys.append(self._bus.survey(f"/{ros2.bridge_writers(topic)}", answered))
+            handler = self._guarded("The types behind the bridge", answered)
+            self._surveys.append(self._bus.survey(f"/{ros2.bridge_writers(topic)}", handler))
 
     def watch_nodes(self, source: str, ros_type: str, domain_id: int) -> None:
         self._expected[source] = ros_type
@@ -67,7 +70,7 @@ class TypeWatch:
                     found.pop(change.key, None)
 
         pattern = ros2.publisher_tokens(domain_id, self._bus.key(source))
-        self._bus.watch_tokens(f"/{pattern}", changed)
+        self._bus.watch_tokens(f"/{pattern}", self._guarded("The types of nodes", changed))
 
     def warnings(self, now_ns: int) -> dict[str, str]:
         """The faults by source. Call it repeatedly: it also asks the bridges."""

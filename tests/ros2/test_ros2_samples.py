@@ -10,7 +10,6 @@ import msgspec
 import pytest
 from ros_oracle import Oracle
 
-from yahboomd.core.daemon.ros2_graphs.ros2_samples import Placed, RosPublisher, Spread, Topics
 from yahboomd.core.messages import ros2
 from yahboomd.core.messages.native import StatusSample
 from yahboomd.core.messages.ros2 import Qos
@@ -24,6 +23,7 @@ from yahboomd.core.model import (
     Severity,
     Twist2d,
 )
+from yahboomd.ros2.ros2_samples import Placed, RosPublisher, Spread, Topics
 from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 
 STAMP_NS = 1_700_000_000_123_456_789
@@ -94,11 +94,6 @@ class Graph:
         message = self.oracle.store.deserialize_cdr(payload, ros_type)
         assert bytes(self.oracle.store.serialize_cdr(message, ros_type)) == payload
         return self.oracle.decode(ros_type, payload)
-
-
-@pytest.fixture(scope="module")
-def oracle() -> Oracle:
-    return Oracle()
 
 
 @pytest.fixture

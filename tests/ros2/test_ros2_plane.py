@@ -14,8 +14,8 @@ from ros_oracle import Oracle
 from zenoh_fixtures import late_subscriber
 
 from yahboomd.core.config import read
-from yahboomd.core.daemon.ros2_graphs.ros2_plane import topics
 from yahboomd.core.messages import cdr, ros2
+from yahboomd.ros2.ros2_plane import topics
 from yahboomd.tools.schemas.cdr_samples import pose_message
 
 pytestmark = pytest.mark.realtime

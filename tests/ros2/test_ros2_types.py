@@ -9,9 +9,9 @@ import zenoh
 from zenoh_fixtures import ZenohApp, eventually
 
 from yahboomd.core.bus.bus import Bus
-from yahboomd.core.daemon.ros2_graphs.ros2_types import TypeWatch
 from yahboomd.core.messages import ros2
 from yahboomd.core.messages.ros2 import Node, Qos
+from yahboomd.ros2.ros2_types import TypeWatch
 
 pytestmark = pytest.mark.realtime
 
@@ -32,7 +32,7 @@ class Watched:
 
 @pytest.fixture
 def watch(bus: Bus) -> TypeWatch:
-    return TypeWatch(bus)
+    return TypeWatch(bus, lambda _part, callback: callback)
 
 
 def writers(app: ZenohApp, topic: str, *answers: bytes) -> zenoh.Queryable[None]:

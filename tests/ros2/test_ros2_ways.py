@@ -11,10 +11,10 @@ from zenoh_fixtures import ZenohApp, eventually, late_subscriber
 from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.options import BusOptions
 from yahboomd.core.bus.subscriptions import Arrival
-from yahboomd.core.daemon.ros2_graphs.ros2_ways import AttachedOutlet, BridgeWay, NativeWay
 from yahboomd.core.messages import cdr, ros2
 from yahboomd.core.messages.native import ServiceReply
 from yahboomd.core.messages.ros2 import Qos
+from yahboomd.ros2.ros2_ways import AttachedOutlet, BridgeWay, NativeWay
 
 pytestmark = pytest.mark.realtime
 LATCHED = Qos(latched=True, depth=1)

@@ -13,12 +13,12 @@ from yahboomd.core.bus import keys
 from yahboomd.core.clock import Clock, nanoseconds
 from yahboomd.core.daemon.key_table import ROS_TOPICS
 from yahboomd.core.daemon.publisher import Outlet, Pace
-from yahboomd.core.daemon.ros2_graphs.ros2_diagnostics import Diagnostics, levels
 from yahboomd.core.messages import cdr, planar
 from yahboomd.core.messages.native import StatusSample
 from yahboomd.core.messages.rcl_interfaces import LEVELS, log
 from yahboomd.core.messages.ros2 import NODE, Qos
 from yahboomd.core.model import Event, ImuEstimate, OdometryEstimate
+from yahboomd.ros2.ros2_diagnostics import Diagnostics, levels
 
 DIAGNOSTICS_EVERY_S = 1.0
 

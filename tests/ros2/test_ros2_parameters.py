@@ -4,18 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-import pytest
 from ros_oracle import Oracle
 
 from yahboomd.core.config import read
-from yahboomd.core.daemon.ros2_graphs.ros2_parameters import parameter_server
+from yahboomd.ros2.ros2_parameters import parameter_server
 
 SECRET = "hunter2"
-
-
-@pytest.fixture(scope="module")
-def oracle() -> Oracle:
-    return Oracle()
 
 
 class Asked:

@@ -7,7 +7,9 @@ from typing import Any
 import msgspec
 import pytest
 
-from yahboomd.core.daemon.ros2_graphs.ros2_diagnostics import (
+from yahboomd.core.messages.cdr import Diagnostic
+from yahboomd.core.messages.native import StatusSample
+from yahboomd.ros2.ros2_diagnostics import (
     ERROR,
     OK,
     STALE,
@@ -15,8 +17,6 @@ from yahboomd.core.daemon.ros2_graphs.ros2_diagnostics import (
     Diagnostics,
     levels,
 )
-from yahboomd.core.messages.cdr import Diagnostic
-from yahboomd.core.messages.native import StatusSample
 
 S = 1_000_000_000
 FULL = StatusSample(
