@@ -186,7 +186,7 @@ def test_a_board_in_trouble_stands_and_drives_again_afterwards(
 ) -> None:
     app.drive(DRIVE, 1.0)
     robot.do(fault)
-    wait_for(lambda: max(map(abs, robot.truth()[-1].speed_m_s)) < 0.03, "the wheels stand")
+    wait_for(robot.stands, "the wheels stand")
     app.in_state("standing")
     drives(app, robot)
     assert_no_jump(app.samples["pose"])

@@ -22,6 +22,7 @@ from zenoh_fixtures import free_endpoint
 from benchmarks import rig
 from benchmarks.soak.processes import BOARD_NICE, DAEMON_NICE, prefer
 from benchmarks.soak.tail import Tail
+from yahboomd.core.model import STANDING_M_S
 from yahboomd.simulation.truth import TruthSample
 
 PATIENCE_S = 60.0
@@ -147,6 +148,14 @@ class RealRobot:
     def travelled_m(self) -> float:
         """The travel of its wheels, added up."""
         return sum(self.truth()[-1].travel_m)
+
+    def stands(self) -> bool:
+        """Whether the wheels have stood for the last 30 samples.
+
+        A wheel that the board brings to rest passes the limit more than once.
+        """
+        last = self.truth()[-30:]
+        return max(max(map(abs, each.speed_m_s)) for each in last) < STANDING_M_S
 
     def settled_truth(self) -> TruthSample:
         """The true place of the robot, once it stands."""

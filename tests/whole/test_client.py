@@ -70,7 +70,7 @@ def ends(robot: RealRobot, code: str, number: int | None, source: str = "cmd_vel
         if number is not None:
             program.send_signal(number)
         status = program.wait(60)
-    wait_for(lambda: speed_m_s(robot) < STANDING_M_S, "the wheels stand", 30.0)
+    wait_for(robot.stands, "the wheels stand", 30.0)
     return status
 
 
@@ -108,7 +108,7 @@ def test_a_program_that_stood_still_does_not_start_its_robot_again(
         assert program.stdout is not None
         wait_for(lambda: speed_m_s(robot) > 0.2, "it drives")
         program.send_signal(signal.SIGSTOP)
-        wait_for(lambda: speed_m_s(robot) < STANDING_M_S, "the daemon stops the robot")
+        wait_for(robot.stands, "the daemon stops the robot")
         stood = len(robot.truth()) - 1
         program.send_signal(signal.SIGCONT)
         wait_for(lambda: robot.truth()[-1].t_ns - robot.truth()[stood].t_ns > 1e9, "a second")
@@ -160,7 +160,7 @@ def test_a_program_reads_asks_and_survives_a_restart(real_robot: Callable[..., R
         wait_for(lambda: program.drive(0.2) and speed_m_s(robot) > 0.1, "a new command drives")
         counters = program.counters
     assert (counters.losses, counters.interrupted, counters.dropped) == (1, 1, 1)
-    wait_for(lambda: speed_m_s(robot) < STANDING_M_S, "the wheels stand")
+    wait_for(robot.stands, "the wheels stand")
 
 
 def refusal(robot: RealRobot) -> str:

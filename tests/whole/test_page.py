@@ -65,7 +65,7 @@ class Served:
         return self.speed_m_s > 0.2
 
     def stands(self) -> bool:
-        return self.speed_m_s < STANDING_M_S
+        return self.robot.stands()
 
     async def stays(self, page: Page, beats: int = 20) -> None:
         """Assert that the wheels stand from now on, for this number of a page's beats."""
