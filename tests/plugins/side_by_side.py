@@ -50,12 +50,20 @@ PHASE_NS = 100_000
 
 STREAM = re.compile(r"\$(MAll|MTEP|MSPD):(-?[\d.]+),(-?[\d.]+),(-?[\d.]+),(-?[\d.]+)#\r\n")
 BATTERY = re.compile(r"\$Battery:(\d+\.\d)V#\r\n")
+BANNER = "Motor_Version:1.7.3\r\n"
 MISSED = 3
 """Counts that come while the firmware reads its timers. After a reset the emulator's timers, which
 go on, show up to a tick's counts more."""
 
 LONGEST_NS = 20_000 * MS
 """The end of a block in which a board hangs with its wheels turning."""
+
+MANY_NUMBERS = 11
+"""From so many numbers on, a command leaves the places of some where the firmware looks for those
+that later commands lack."""
+
+NOT_COUNTED = 4
+"""With this type the counts after a reset are added only when another type is stored."""
 
 FEW = 20
 """Lines of streams: those of the epilogue."""
@@ -114,7 +122,9 @@ class Watched(StreamedBoard):
             failures of the supply while values were written, and bytes that came when the processor
             was just halted or went on.
         near_speeds: Speeds that came so near an interrupt.
-        lacking: Speeds and outputs with too few numbers, while lines stream.
+        late_speed: Whether one did since the last sample.
+        lacking: Speeds and outputs with too few numbers, while lines stream, or behind
+            :data:`MANY_NUMBERS`.
     """
 
     def __init__(self, *args: Any) -> None:
@@ -122,10 +132,15 @@ class Watched(StreamedBoard):
         self.ended_ns: list[int] = []
         self.wiped_ns: list[int] = []
         self.near_calls = self.near_speeds = self.lacking = 0
+        self.late_speed = self._had_many = False
 
     @property
     def next_tick_ns(self) -> int:
         return self._tick_ns
+
+    @next_tick_ns.setter
+    def next_tick_ns(self, tick_ns: int) -> None:
+        self._timer_ns = self._tick_ns = tick_ns
 
     @property
     def hangs(self) -> bool:
@@ -151,16 +166,25 @@ class Watched(StreamedBoard):
 
     def _spd(self, args: bytes, now_ns: int) -> None:
         since_ns = (now_ns - self._tick_ns) % TICK_NS
-        self.near_speeds += min(since_ns, TICK_NS - since_ns) < 2 * RACE_NS
+        if min(since_ns, TICK_NS - since_ns) < 2 * RACE_NS:
+            self.near_speeds += 1
+            self.late_speed = True
         super()._spd(args, now_ns)
 
     def _carried_out(self, args: bytes, now_ns: int) -> None:
-        self.lacking += any(self.streams) and len(fields(args)) <= LACKING_NUMBERS
+        numbers = len(fields(args))
+        self.lacking += numbers <= LACKING_NUMBERS and (any(self.streams) or self._had_many)
+        self._had_many = self._had_many or numbers >= MANY_NUMBERS
         super()._carried_out(args, now_ns)
+
+    def _set(self, name: bytes, args: bytes, now_ns: int) -> None:
+        self._had_many = self._had_many or (name == b"MPID" and len(fields(args)) >= MANY_NUMBERS)
+        super()._set(name, args, now_ns)
 
     def reset(self, now_ns: int, *, off_ns: int = 0, by_power: bool) -> None:
         # Values are written one by one within four milliseconds.
         page = self._write
+        self._had_many = False
         self.near_calls += page is not None and -2 * MS < now_ns - page.erased_ns < 5 * MS
         super().reset(now_ns, off_ns=off_ns, by_power=by_power)
 
@@ -194,6 +218,7 @@ class Sample(msgspec.Struct, frozen=True):
         flash: What the simulated board has stored.
         regulates: Whether its speed loops run.
         writes: Whether it writes its flash.
+        late_speed: Whether a speed came near or between the last interrupts of both.
     """
 
     firmware: tuple[int, ...]
@@ -201,6 +226,7 @@ class Sample(msgspec.Struct, frozen=True):
     flash: FlashContent
     regulates: bool
     writes: bool
+    late_speed: bool
 
 
 class Text(msgspec.Struct, frozen=True):
@@ -290,13 +316,19 @@ class Comparison:
         self._firmware = FirmwareStreamed(
             self._options, self._plant, self._ears[0].wire.send, random
         )
-        self._now_ns = self._sample_ns = 0
+        self._now_ns = self._sample_ns = self._phase_ns = 0
+        self._again = False
         self._samples: list[Sample] = []
         self._kind = ""
         self._apart = [0] * CHANNELS
+        self._coasted_ns = 0
         self._plant.start(0)
         self._firmware.start(0)
-        self._simulated = self._fresh(self._options)
+        self._onlooker = Onlooker(self._plant)
+        self._simulated = Watched(
+            self._options, self._onlooker, self._ears[1].wire.send, Typical(seed)
+        )
+        self._simulated.start(0)
         self._align()
 
     def play(self, kind: str, steps: list[Step]) -> None:
@@ -329,7 +361,7 @@ class Comparison:
         )
         if hung or (found and self._simulated.lacking):
             # The firmware takes what its memory has, or hangs, too.
-            self.counted["blocks with too few numbers within streams, not judged"] += 1
+            self.counted["blocks with too few numbers, not judged"] += 1
             self._start_over()
             return
         self.differences += found
@@ -352,27 +384,14 @@ class Comparison:
 
     # Both boards on one time.
 
-    def _fresh(self, options: SimulationOptions) -> Watched:
-        """A simulated board whose interrupts come with the firmware's."""
-        self._run_firmware(self._firmware.next_tick_ns)
-        self._onlooker = Onlooker(self._plant)
-        board = Watched(options, self._onlooker, self._ears[1].wire.send, Typical(options.seed))
-        board.start(self._now_ns)
-        return board
-
     def _align(self) -> int:
         """Begin a block 3 ms after an interrupt; return its begin."""
         apart_ns = self._firmware.next_tick_ns - self._simulated.next_tick_ns
         if abs((apart_ns + TICK_NS // 2) % TICK_NS - TICK_NS // 2) > PHASE_NS:
-            self._simulated = self._fresh(
-                msgspec.structs.replace(
-                    self._options,
-                    flash=self._simulated.flash,
-                    initial_ticks=self._simulated.totals,
-                )
-            )
+            self._simulated.next_tick_ns = self._firmware.next_tick_ns
         begin_ns = self._firmware.next_tick_ns + 3 * MS
-        self._sample_ns = begin_ns + 2 * MS
+        self._sample_ns = self._phase_ns = begin_ns + 2 * MS
+        self._again = False
         self._run(begin_ns)
         for ear in self._ears:
             ear.take(0)
@@ -380,6 +399,7 @@ class Comparison:
         self._simulated.ended_ns.clear()
         self._simulated.wiped_ns.clear()
         self._simulated.near_calls = self._simulated.near_speeds = self._simulated.lacking = 0
+        self._simulated.late_speed = False
         return begin_ns
 
     def _start_over(self) -> None:
@@ -389,6 +409,7 @@ class Comparison:
         self._send(b"$flash_reset#")
         self._run(self._now_ns + 1000 * MS)
         self._apart = [0] * CHANNELS
+        self._coasted_ns = 0
 
     def _fail_power(self) -> None:
         self._firmware.reset(self._now_ns, by_power=True)
@@ -412,9 +433,14 @@ class Comparison:
             self._simulated.run_due(stop_ns)
             self._ears[1].listen(stop_ns)
             if stop_ns == self._sample_ns:
-                self._sample_ns += TICK_NS
                 given = tuple(motor.pwm for motor in self._plant.motors)
                 board = self._simulated
+                # A command that comes with a sample may act on one of both only behind it.
+                self._again = given != self._onlooker.outputs and not self._again
+                if self._again:
+                    self._sample_ns += RACE_NS
+                    continue
+                self._sample_ns += TICK_NS - (self._sample_ns - self._phase_ns) % TICK_NS
                 self._samples.append(
                     Sample(
                         given,
@@ -422,8 +448,10 @@ class Comparison:
                         board.flash,
                         board._control.regulates,
                         board.writes,
+                        board.late_speed,
                     )
                 )
+                board.late_speed = False
 
     def _send(self, data: bytes) -> None:
         start_ns = self._now_ns
@@ -454,7 +482,7 @@ class Comparison:
                 yield f"lines of {name}", str(one), str(other)
         # A hung board reports none.
         if lines[0] or lines[1]:
-            reset = "Motor_Version:1.7.3\r\n" in [text.text[-21:] for text in said[0]]
+            reset = any(text.text.endswith(BANNER) for text in said[0])
             if parting := self._counters_differ(*lines, reset=reset, streams=streams):
                 yield parting
         for wheel in range(CHANNELS):
@@ -470,13 +498,15 @@ class Comparison:
         if len(totals) != 2 or totals[0] is None or totals[1] is None:
             return "counters", str(one[-1:]), str(other[-1:])
         apart = [int(totals[0][place]) - int(totals[1][place]) for place in range(2, 6)]
-        before, self._apart = self._apart if not reset else [0] * CHANNELS, apart
-        law = self._plant.motors[0].law
-        most = float(MISSED)
         if reset:
             # While lines stream it may come a pass of the main loop earlier or later.
-            apart_ns = TICK_NS + (PASS_NS if streams else 0)
-            most = law.max_speed_m_s * law.ticks_per_metre * apart_ns / NS_PER_S
+            self._coasted_ns = TICK_NS + (PASS_NS if streams else 0)
+        before, self._apart = [0] * CHANNELS if self._coasted_ns else self._apart, apart
+        law = self._plant.motors[0].law
+        coasted = law.max_speed_m_s * law.ticks_per_metre * self._coasted_ns / NS_PER_S
+        most = max(float(MISSED), coasted)
+        if self._simulated.flash.motor_type != NOT_COUNTED:
+            self._coasted_ns = 0
         if max(abs(new - old) for new, old in zip(apart, before, strict=True)) <= most:
             return None
         return "counters", f"{totals[0][0]!r}, {before} more before", repr(totals[1][0])
@@ -509,6 +539,10 @@ class Comparison:
                 # the next interrupt, or not at all.
                 self.counted["outputs between two close frames that are not alike"] += 1
                 continue
+            if self._samples[k].late_speed:
+                # It acts an interrupt later on one of both.
+                self.counted["outputs of a speed within an interrupt that are not alike"] += 1
+                continue
             self.counted["outputs after a write that are not alike"] += held_up
             if not held_up:
                 around = slice(max(0, k - 5), k + 6)
@@ -525,7 +559,7 @@ def _stream(texts: list[Text]) -> bool:
 def _texts_differ(one: list[Text], other: list[Text], late_ns: int) -> Parting | None:
     for a, b in zip(one, other, strict=False):
         late = max(abs(a.first_ns - b.first_ns), abs(a.last_ns - b.last_ns)) > late_ns
-        if late or not (a.text == b.text or _volts_alike(a.text, b.text)):
+        if late or not (a.text == b.text or _volts_alike(a.text, b.text) or _cut_alike(a, b)):
             break
     else:
         if len(one) == len(other):
@@ -537,6 +571,19 @@ def _volts_alike(one: str, other: str) -> bool:
     """Whether both are the supply, under the load of moments 0.2 s apart at most."""
     volts = [float(found[1]) for text in (one, other) if (found := BATTERY.fullmatch(text))]
     return len(volts) == 2 and abs(volts[0] - volts[1]) < 0.1 + CHANNELS * SAG_V + 0.001
+
+
+def _cut_alike(one: Text, other: Text) -> bool:
+    """Whether both are a line that was cut at one moment: the later one lacks that time's bytes."""
+    begins = [text.text.removesuffix(BANNER) for text in (one, other)]
+    short, long = sorted(begins, key=len)
+    late_ns = abs(one.first_ns - other.first_ns)
+    return (
+        all(text.text.endswith(BANNER) for text in (one, other))
+        and 0 < len(short) < len(long)
+        and long.startswith(short)
+        and transfer_ns(len(long) - len(short) - 1, BAUD) < late_ns
+    )
 
 
 def _alike(one: int, other: int, sample: Sample, *, counts: int, ticks: int) -> bool:

@@ -76,6 +76,10 @@ LONG_LINE = 50
 SPOILT_SHARE = 0.115
 """Commands lost while total lines of :data:`LONG_LINE` bytes and more are sent: 7 to 16 %."""
 
+FULL_FRAME = 50
+"""A frame of so many characters fills its memory: further ones are ignored, and the latest answer,
+which lies behind it, is read on as its end."""
+
 FATAL_NUMBERS = 14
 """This many numbers in one command overwrite memory that the MCU needs: it hangs."""
 
@@ -128,6 +132,7 @@ class StreamedBoard:
         self._speeds_due = False
         # A board that was powered long ago has measured it.
         self._volts_seen: float | None = None
+        self._answered = b""
         self._long_lines = False
         self.cut_writes = 0
         self._write: PageWrite | None = None
@@ -188,6 +193,7 @@ class StreamedBoard:
         self._ticks = 0
         self._volts_seen = 0.0
         self._held_byte = None
+        self._answered = b""
         if self._write is not None:
             self.flash = self._write.left(now_ns)
             self._write = None
@@ -263,7 +269,7 @@ class StreamedBoard:
         self._control.tick(now_ns, self._tuning)
         if self._renews_at_ticks:
             self._control.renew_totals(now_ns, self._tuning)
-        if self._write is not None and self._control.regulates:
+        if self._write is not None and self._control.regulates and not self._tuning.frozen:
             self._write.filled_ns += LOOPS_NS
             self._main_ns += LOOPS_NS
         self._ticks += 1
@@ -315,11 +321,11 @@ class StreamedBoard:
         # A frame that has ended since the command was taken is lost here.
         self._mailbox.wipe()
 
-    def _answer(self, text: bytes, now_ns: int) -> None:
-        self._answer_raw(text + b"\r\n", now_ns)
-
-    def _answer_raw(self, data: bytes, now_ns: int) -> None:
-        self._say(data, now_ns, then=self._done)
+    def _answer(
+        self, text: bytes, now_ns: int, *, then: Callable[[int], None] | None = None
+    ) -> None:
+        self._answered = text + b"\r\n"
+        self._say(self._answered, now_ns, then=then or self._done)
 
     def _stream(self, now_ns: int) -> None:
         totals, deltas, _ = self.streams
@@ -361,6 +367,8 @@ class StreamedBoard:
     # The commands.
 
     def _execute(self, command: bytes, now_ns: int) -> None:
+        if len(command) >= FULL_FRAME:
+            command = command[:FULL_FRAME] + self._answered
         for name, carry_out in self._commands.items():
             if command.startswith(name):
                 # The firmware skips the character after the name, and ends the rest at a NUL.
@@ -408,6 +416,8 @@ class StreamedBoard:
         first, version, *numbers = report(self.flash, self.version).splitlines(keepends=True)
         lines = [(first, 0), (version, 0), *((line, printing_ns(line)) for line in numbers)]
 
+        self._answered = first
+
         def say(at_ns: int) -> None:
             line, delay_ns = lines.pop(0)
             self._say(line, at_ns + delay_ns, then=say if lines else self._done)
@@ -428,9 +438,9 @@ class StreamedBoard:
             return
         then = self._dies if fatal else self._done
         if isinstance(content, SettingRefused):
-            self._say(content.answer + b"\r\n", now_ns, then=then)
+            self._answer(content.answer, now_ns, then=then)
         elif content == self.flash:
-            self._say(confirmation(name, self.version), now_ns, then=then)
+            self._confirm(name, now_ns, then=then)
         elif name == b"MPID":
             self._store(GAINS, content, now_ns, then=self._restart)
         else:
@@ -439,8 +449,12 @@ class StreamedBoard:
                 FIELDS[name],
                 content,
                 now_ns,
-                then=lambda at_ns: self._say(confirmation(name, self.version), at_ns, then=then),
+                then=lambda at_ns: self._confirm(name, at_ns, then=then),
             )
+
+    def _confirm(self, name: bytes, now_ns: int, *, then: Callable[[int], None]) -> None:
+        self._answered = confirmation(name, self.version)
+        self._say(self._answered, now_ns, then=then)
 
     def _dies(self, _now_ns: int) -> None:
         self.hang()
