@@ -20,7 +20,7 @@ import zenoh
 from benchmarks import rig
 from benchmarks.drivers import STARTS, WHEELS, ArticleDriver, Started
 from benchmarks.report import ROOT, NotHere
-from yahboomd.core.messages import cdr, ros2
+from yahboomd.ros2.messages import ros2_encoders, ros2_names
 
 NODE, BRIDGE, NATIVE = WAYS = (
     "the article's node",
@@ -159,11 +159,11 @@ class KeysDriver(RosDriver):
 
     def __init__(self, session: zenoh.Session, where: Path) -> None:
         self._where = where
-        node = ros2.Node(domain_id=0, zid="0", namespace="", name="meter")
-        key = partial(ros2.native_key, node, distro="jazzy")
+        node = ros2_names.Node(domain_id=0, zid="0", namespace="", name="meter")
+        key = partial(ros2_names.native_key, node, distro="jazzy")
         self._poses = 0
-        session.declare_subscriber(key(topic="odom", ros_type=ros2.ODOMETRY), self._heard)
-        self._put = session.declare_publisher(key(topic="cmd_vel", ros_type=ros2.TWIST)).put
+        session.declare_subscriber(key(topic="odom", ros_type=ros2_names.ODOMETRY), self._heard)
+        self._put = session.declare_publisher(key(topic="cmd_vel", ros_type=ros2_names.TWIST)).put
         rig.wait_for(lambda: self._poses or None, "/odom")
 
     def _heard(self, _: zenoh.Sample) -> None:
@@ -171,7 +171,7 @@ class KeysDriver(RosDriver):
 
     def say(self, vx: float, wz: float = 0.0) -> None:
         """Publish a velocity."""
-        self._put(cdr.twist((vx, 0.0, 0.0, 0.0, 0.0, wz)))
+        self._put(ros2_encoders.twist((vx, 0.0, 0.0, 0.0, 0.0, wz)))
 
 
 def start_keys(stack: contextlib.ExitStack, where: Path, settings: tuple[str, ...]) -> Started:

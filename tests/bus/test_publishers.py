@@ -47,7 +47,7 @@ async def test_whether_anybody_listens_follows_the_subscribers(bus, zenoh_app):
 
 
 async def test_a_cached_sample_reaches_who_comes_later(bus, zenoh_app):
-    publisher = bus.publisher(keys.ROS_TF_STATIC, encoding="application/cdr", cache=1)
+    publisher = bus.publisher("tf_static", encoding="application/cdr", cache=1)
     assert publisher.has_subscribers
     for payload in (b"old", b"static frames"):
         assert publisher.put(payload)

@@ -158,7 +158,7 @@ async def test_a_router_that_is_not_there_is_waited_for_until_cancelled():
 async def test_what_was_put_before_a_router_came_reaches_who_looks_later(zenoh_router, zenoh_app):
     options = BusOptions(listen=(free_endpoint(),), connect=(zenoh_router.endpoint,))
     async with Bus(options) as bus:
-        bus.publisher(keys.ROS_TF_STATIC, cache=1).put(b"static frames")
+        bus.publisher("tf_static", cache=1).put(b"static frames")
         zenoh_router.start()
         await eventually(lambda: bus.neighbours)
         app = zenoh_app("client", zenoh_router.endpoint)

@@ -7,24 +7,27 @@ from typing import Any
 import pytest
 
 from yahboomd.core.bus import keys
-from yahboomd.core.daemon.key_table import INPUTS, OFFERS, OUTPUTS, ROS_TOPICS
+from yahboomd.core.daemon.publisher import PUBLISHED
 from yahboomd.core.daemon.requests import Services
 from yahboomd.core.messages.native import MESSAGES, ServiceReply
-from yahboomd.core.messages.rcl_interfaces import ParameterServer
-from yahboomd.core.messages.ros2 import TYPE_HASHES
-from yahboomd.tools.schemas import cdr_samples
+from yahboomd.ros2.ros2_topics import ROS_TOPICS
 from yahboomd.tools.schemas.event_kinds import EVENTS
+from yahboomd.tools.schemas.key_table import INPUTS, OFFERS, OUTPUTS
 
 
 def test_every_key_is_in_the_table():
     named = {
         value for name, value in vars(keys).items() if name.isupper() and isinstance(value, str)
     }
-    assert named == {*INPUTS, *OUTPUTS, *OFFERS, *ROS_TOPICS, keys.ALIVE}
+    assert named == {*INPUTS, *OUTPUTS, *OFFERS, keys.ALIVE}
 
 
 def test_a_newest_sample_can_be_asked_for_on_every_key_but_that_of_events():
     assert {*keys.SAMPLES, keys.EVENTS} == OUTPUTS.keys()
+
+
+def test_the_table_has_the_messages_that_the_daemon_publishes():
+    assert {key: output.message for key, output in OUTPUTS.items()} == PUBLISHED
 
 
 def test_every_message_is_carried_by_a_key():
@@ -36,18 +39,6 @@ def test_every_message_is_carried_by_a_key():
     }
     assert carried == set(MESSAGES.values())
     assert not carried & set(EVENTS.values())
-
-
-def test_every_type_of_ros_2_is_known_and_has_a_sample():
-    types = {
-        *(topic.ros_type for topic in ROS_TOPICS.values()),
-        *(ros_type for entry in INPUTS.values() for ros_type in entry.ros_types),
-        *(offer.ros_type for offer in OFFERS.values() if offer.ros_type),
-    }
-    parameters = ParameterServer({}, {}, "").services.values()
-    assert types | {ros_type for ros_type, _ in parameters} == TYPE_HASHES.keys()
-    sampled = {sample.ros_type.partition("_Re")[0] for sample in cdr_samples.CDR.values()}
-    assert types == sampled
 
 
 def test_every_service_of_the_table_is_offered_the_estop_first():

@@ -23,6 +23,7 @@ from yahboomd.core.daemon.requests import Services
 from yahboomd.core.messages import cdr
 from yahboomd.core.messages.native import BatterySample, ServiceReply
 from yahboomd.core.model import Pose2d
+from yahboomd.ros2.messages import ros2_encoders
 from yahboomd.simulation.motors import MotorFaults
 from yahboomd.simulation.virtual_time import on_virtual_time
 
@@ -292,7 +293,7 @@ async def test_the_emergency_stop_is_there_first_and_goes_before_everything(tmp_
             key for key, options in bus.options.items() if not options.get("complete", True)
         } == alarms
         # A query for everything on the bus moves and releases nothing.
-        by_wildcard = {key for key, options in bus.options.items() if options["wildcards"]}
+        by_wildcard = {key for key, options in bus.options.items() if options.get("wildcards")}
         assert by_wildcard == {keys.CONFIG, keys.BOARD, *keys.SAMPLES}
 
 
@@ -515,9 +516,9 @@ async def test_an_estop_that_is_offered_elsewhere_too_is_an_alarm_there(tmp_path
         )
         options = bus.options["/0/estop"]
         assert options["complete"]
-        assert options["harmless"](cdr.boolean(False))
-        assert not options["harmless"](cdr.boolean(True))
-        assert not bus.harmless(cdr.boolean(False))
+        assert options["harmless"](ros2_encoders.boolean(False))
+        assert not options["harmless"](ros2_encoders.boolean(True))
+        assert not bus.harmless(ros2_encoders.boolean(False))
         await bus.answer(msgspec.structs.replace(request("/0/estop", b""), harmless=False))
         assert bench.controller.state()[0] == "estopped"
 

@@ -23,13 +23,13 @@ from yahboomd.core.bus import keys
 from yahboomd.core.bus.publishers import PRIORITIES, BusPublisher
 from yahboomd.core.clock import Schedule, SystemClock
 from yahboomd.core.config import read
-from yahboomd.core.daemon.key_table import OUTPUTS
 from yahboomd.core.daemon.logs import PatientHandler
 from yahboomd.core.daemon.service import Daemon
 from yahboomd.core.errors import BusError
 from yahboomd.ros2.ros2_plane import Ros2Plane
 from yahboomd.simulation.memory import MemoryPort
 from yahboomd.simulation.robot import SimulatedRobot
+from yahboomd.tools.schemas.key_table import OUTPUTS
 
 pytestmark = pytest.mark.realtime
 

@@ -17,7 +17,7 @@ from real_robot import RealRobot
 from ros_peers import HERE, Bridge, Event, Peer, built, ros_node, start_peer, until
 from zenoh_fixtures import free_endpoint
 
-from yahboomd.core.messages import cdr, ros2
+from yahboomd.ros2.messages import ros2_encoders, ros2_names
 
 LASER = 'ros2.static_transforms=[{parent="base_link",child="laser",x=0.1,yaw=1.5707963267948966}]'
 
@@ -57,8 +57,8 @@ def spoken() -> dict[str, Spoken]:
     wheels = ("front_left_wheel_joint", "front_right_wheel_joint")
     return {
         "/odom": Spoken(
-            ros2.ODOMETRY,
-            cdr.odometry("odom", "base_link")(
+            ros2_names.ODOMETRY,
+            ros2_encoders.odometry("odom", "base_link")(
                 stamp_ns, pose, pose_covariance, twist, twist_covariance
             ),
             {
@@ -75,8 +75,8 @@ def spoken() -> dict[str, Spoken]:
             },
         ),
         "/tf": Spoken(
-            ros2.TF_MESSAGE,
-            cdr.transforms([("odom", "base_link")])(stamp_ns, [pose]),
+            ros2_names.TF_MESSAGE,
+            ros2_encoders.transforms([("odom", "base_link")])(stamp_ns, [pose]),
             {
                 "transforms": [
                     {"header": header, "child_frame_id": "base_link", "transform": transform}
@@ -84,8 +84,10 @@ def spoken() -> dict[str, Spoken]:
             },
         ),
         "/tf_static": Spoken(
-            ros2.TF_MESSAGE,
-            cdr.transforms([("odom", "imu_link"), ("odom", "laser")])(stamp_ns, [pose, pose]),
+            ros2_names.TF_MESSAGE,
+            ros2_encoders.transforms([("odom", "imu_link"), ("odom", "laser")])(
+                stamp_ns, [pose, pose]
+            ),
             {
                 "transforms": [
                     {"header": header, "child_frame_id": child, "transform": transform}
@@ -95,8 +97,8 @@ def spoken() -> dict[str, Spoken]:
             latched=True,
         ),
         "/joint_states": Spoken(
-            ros2.JOINT_STATE,
-            cdr.joint_state("odom", wheels)(stamp_ns, (0.5, -1.5), (2.5, -3.5)),
+            ros2_names.JOINT_STATE,
+            ros2_encoders.joint_state("odom", wheels)(stamp_ns, (0.5, -1.5), (2.5, -3.5)),
             {
                 "header": header,
                 "name": list(wheels),
@@ -106,8 +108,8 @@ def spoken() -> dict[str, Spoken]:
             },
         ),
         "/battery_state": Spoken(
-            ros2.BATTERY_STATE,
-            cdr.battery_state("odom")(stamp_ns, 12.25, 0.75),
+            ros2_names.BATTERY_STATE,
+            ros2_encoders.battery_state("odom")(stamp_ns, 12.25, 0.75),
             {
                 "header": header,
                 "voltage": 12.25,
@@ -119,13 +121,17 @@ def spoken() -> dict[str, Spoken]:
             },
         ),
         "/diagnostics": Spoken(
-            ros2.DIAGNOSTIC_ARRAY,
-            cdr.diagnostics(
+            ros2_names.DIAGNOSTIC_ARRAY,
+            ros2_encoders.diagnostics(
                 stamp_ns,
                 "odom",
                 [
-                    cdr.Diagnostic(0, "yahboomd: board", "fine", "yahboom", [("volts", "12.2")]),
-                    cdr.Diagnostic(1, "yahboomd: bus", "slow", "", [("a", ""), ("", "b")]),
+                    ros2_encoders.Diagnostic(
+                        0, "yahboomd: board", "fine", "yahboom", [("volts", "12.2")]
+                    ),
+                    ros2_encoders.Diagnostic(
+                        1, "yahboomd: bus", "slow", "", [("a", ""), ("", "b")]
+                    ),
                 ],
             ),
             {

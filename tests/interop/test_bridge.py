@@ -5,7 +5,8 @@ import threading
 import pytest
 import zenoh
 
-from yahboomd.core.messages import cdr, ros2
+from yahboomd.core.messages import cdr
+from yahboomd.ros2.messages import ros2_names
 
 pytestmark = pytest.mark.realtime
 
@@ -31,20 +32,22 @@ def publisher(session, topic, message):
 def tokens(session, spoken):
     """As yahboomd announces itself to bridges; and a key that the example does not let pass."""
     zid = str(session.info.zid())
-    best_effort = ros2.Qos(reliable=False, depth=1)
+    best_effort = ros2_names.Qos(reliable=False, depth=1)
     announced = [
-        ("MP", plain(topic), message.ros_type, ros2.Qos(latched=message.latched))
+        ("MP", plain(topic), message.ros_type, ros2_names.Qos(latched=message.latched))
         for topic, message in spoken.items()
     ]
     announced += [
-        ("MP", "pose", ros2.ODOMETRY, ros2.Qos()),
-        ("MS", "cmd_vel", ros2.TWIST, best_effort),
-        ("SS", "yahboomd/estop", ros2.SET_BOOL, best_effort),
-        *(("SS", key, ros2.TRIGGER, best_effort) for key in TRIGGERS),
+        ("MP", "pose", ros2_names.ODOMETRY, ros2_names.Qos()),
+        ("MS", "cmd_vel", ros2_names.TWIST, best_effort),
+        ("SS", "yahboomd/estop", ros2_names.SET_BOOL, best_effort),
+        *(("SS", key, ros2_names.TRIGGER, best_effort) for key in TRIGGERS),
     ]
     return [
         session.liveliness().declare_token(
-            ros2.bridge_token(kind, zid=zid, key=key, ros_type=kind_of, qos=qos, distro="jazzy")
+            ros2_names.bridge_token(
+                kind, zid=zid, key=key, ros_type=kind_of, qos=qos, distro="jazzy"
+            )
         )
         for kind, key, kind_of, qos in announced
     ]
@@ -105,12 +108,14 @@ def test_what_we_announce_shows_before_anybody_uses_it(
         _services = serve(session, [])
         wanted = {"rt/cmd_vel", "rq/yahboomd/estopRequest", *(f"rq/{k}Request" for k in TRIGGERS)}
         eventually(lambda: wanted <= onlooker.graph()["subscribers"].keys(), "what we listen to")
-        types = {f"rt{topic}": ros2.dds_type(message.ros_type) for topic, message in spoken.items()}
+        types = {
+            f"rt{topic}": ros2_names.dds_type(message.ros_type) for topic, message in spoken.items()
+        }
         eventually(lambda: types.keys() <= onlooker.graph()["publishers"].keys(), "what we publish")
         graph = onlooker.graph()
         shown = {topic: kind for topic, kind in graph["publishers"].items() if topic[:3] == "rt/"}
         assert shown == types  # and no /pose: the list of the example lets it not pass
-        assert graph["subscribers"]["rt/cmd_vel"] == ros2.dds_type(ros2.TWIST)
+        assert graph["subscribers"]["rt/cmd_vel"] == ros2_names.dds_type(ros2_names.TWIST)
     eventually(lambda: "rt/odom" not in onlooker.graph()["publishers"], "our leaving")
 
 

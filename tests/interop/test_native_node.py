@@ -6,14 +6,15 @@ import time
 import pytest
 import zenoh
 
-from yahboomd.core.messages import cdr, ros2
+from yahboomd.core.messages import cdr
+from yahboomd.ros2.messages import ros2_encoders, ros2_names
 
 pytestmark = pytest.mark.realtime
 
 DISTRO = "jazzy"
 TRIGGERS = ("yahboomd/estop/reset", "yahboomd/odometry/reset")
-SERVICES = {"yahboomd/estop": ros2.SET_BOOL, **dict.fromkeys(TRIGGERS, ros2.TRIGGER)}
-BEST_EFFORT = ros2.Qos(reliable=False, depth=5)
+SERVICES = {"yahboomd/estop": ros2_names.SET_BOOL, **dict.fromkeys(TRIGGERS, ros2_names.TRIGGER)}
+BEST_EFFORT = ros2_names.Qos(reliable=False, depth=5)
 
 
 class Us:
@@ -21,16 +22,16 @@ class Us:
 
     def __init__(self, session):
         self.session = session
-        self.node = ros2.Node(domain_id=0, zid=str(session.info.zid()))
-        self.tokens = [session.liveliness().declare_token(ros2.node_token(self.node))]
+        self.node = ros2_names.Node(domain_id=0, zid=str(session.info.zid()))
+        self.tokens = [session.liveliness().declare_token(ros2_names.node_token(self.node))]
         self.sequence = 0
 
     def key(self, topic, ros_type):
-        return ros2.native_key(self.node, topic=topic, ros_type=ros_type, distro=DISTRO)
+        return ros2_names.native_key(self.node, topic=topic, ros_type=ros_type, distro=DISTRO)
 
     def announce(self, kind, topic, ros_type, qos):
         """Put an endpoint into the graph; its gid."""
-        token = ros2.endpoint_token(
+        token = ros2_names.endpoint_token(
             kind,
             self.node,
             entity=len(self.tokens),
@@ -40,12 +41,12 @@ class Us:
             distro=DISTRO,
         )
         self.tokens.append(self.session.liveliness().declare_token(token))
-        return ros2.gid_of(token)
+        return ros2_names.gid_of(token)
 
     def publisher(self, topic, message):
         """A function that publishes the message on the topic."""
         name = topic.removeprefix("/")
-        gid = self.announce("MP", name, message.ros_type, ros2.Qos(latched=message.latched))
+        gid = self.announce("MP", name, message.ros_type, ros2_names.Qos(latched=message.latched))
         key = self.key(name, message.ros_type)
         if message.latched:
             declared = zenoh.ext.declare_advanced_publisher(
@@ -59,29 +60,29 @@ class Us:
 
         def publish(payload=message.payload):
             self.sequence += 1
-            attached = ros2.attachment(self.sequence, time.time_ns(), gid)
+            attached = ros2_names.attachment(self.sequence, time.time_ns(), gid)
             declared.put(payload, attachment=attached)
 
         return publish
 
     def commands(self, got):
-        self.announce("MS", "cmd_vel", ros2.TWIST, BEST_EFFORT)
-        return self.session.declare_subscriber(self.key("cmd_vel", ros2.TWIST), got.append)
+        self.announce("MS", "cmd_vel", ros2_names.TWIST, BEST_EFFORT)
+        return self.session.declare_subscriber(self.key("cmd_vel", ros2_names.TWIST), got.append)
 
     def serve(self, asked):
         """Answers the services, each reply with its request's attachment; notes the requests."""
 
         def answer(query):
             asked.append((str(query.key_expr).split("/std_srvs")[0], query.payload.to_bytes()))
-            attached = ros2.parse_attachment(query.attachment.to_bytes())
+            attached = ros2_names.parse_attachment(query.attachment.to_bytes())
             query.reply(
                 str(query.key_expr),
                 cdr.service_response(True, "as you wish"),
-                attachment=ros2.attachment(attached.sequence, time.time_ns(), attached.gid),
+                attachment=ros2_names.attachment(attached.sequence, time.time_ns(), attached.gid),
             )
 
         for name, ros_type in SERVICES.items():
-            self.announce("SS", name, ros_type, ros2.Qos())
+            self.announce("SS", name, ros_type, ros2_names.Qos())
         return [
             self.session.declare_queryable(self.key(name, ros_type), answer, complete=True)
             for name, ros_type in SERVICES.items()
@@ -116,9 +117,9 @@ def test_every_message_is_read_as_we_wrote_it(us, native_node, spoken):
 
 
 def test_the_attachment_of_every_sample_is_read(us, native_node, eventually, spoken):
-    gid = us.announce("MP", "odom", ros2.ODOMETRY, ros2.Qos())
-    key = us.key("odom", ros2.ODOMETRY)
-    attached = ros2.attachment(7, 1_700_000_000_123_456_789, gid)
+    gid = us.announce("MP", "odom", ros2_names.ODOMETRY, ros2_names.Qos())
+    key = us.key("odom", ros2_names.ODOMETRY)
+    attached = ros2_names.attachment(7, 1_700_000_000_123_456_789, gid)
     declared = us.session.declare_publisher(key)
 
     def heard():
@@ -140,7 +141,7 @@ def test_commands_arrive_with_their_attachment(us, native_node, eventually):
         eventually(lambda: len(got) > 2, "commands")
     velocity = cdr.decode_velocity(got[0].payload.to_bytes())
     assert (velocity.vx, velocity.vy, velocity.wz) == (0.25, -0.125, -0.5)
-    first, second = (ros2.parse_attachment(s.attachment.to_bytes()) for s in got[:2])
+    first, second = (ros2_names.parse_attachment(s.attachment.to_bytes()) for s in got[:2])
     assert second.sequence == first.sequence + 1
     assert second.gid == first.gid
     assert abs(time.time_ns() - first.stamp_ns) < 60_000_000_000
@@ -162,12 +163,12 @@ def test_the_node_and_all_that_is_its_shows_in_the_graph(us, native_node, eventu
     assert {"name": "yahboomd", "namespace": "/"} in graph["nodes"]
     topics = {t["name"]: t for t in graph["topics"]}
     for topic, message in spoken.items():
-        assert topics[topic]["type"] == ros2.dds_type(message.ros_type)
+        assert topics[topic]["type"] == ros2_names.dds_type(message.ros_type)
         assert topics[topic]["publishers"] == 1
     assert topics["/cmd_vel"]["subscribers"] == 1
     types = {s["name"]: s["type"] for s in graph["services"]}
     for name, ros_type in SERVICES.items():
-        assert types[f"/{name}"] == ros2.dds_type(ros_type)
+        assert types[f"/{name}"] == ros2_names.dds_type(ros_type)
 
 
 def test_a_node_that_starts_late_gets_the_static_frames(us, request, spoken):
@@ -191,7 +192,7 @@ def test_services_are_asked_and_answered(us, native_node):
 
 def test_two_nodes_get_every_sample(us, start_native_node, spoken):
     nodes = [start_native_node(), start_native_node()]
-    odometry = cdr.odometry("odom", "base_link")
+    odometry = ros2_encoders.odometry("odom", "base_link")
     publish = us.publisher("/odom", spoken["/odom"])
     numbers, no_covariance = [0.0] * 6, [0.0] * 36
 

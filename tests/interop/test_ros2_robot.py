@@ -5,18 +5,18 @@ import math
 import pytest
 from zenoh_fixtures import free_endpoint
 
-from yahboomd.core.messages import ros2
+from yahboomd.ros2.messages import ros2_names
 
 pytestmark = pytest.mark.realtime
 
 OUT = {
-    "/odom": ros2.ODOMETRY,
-    "/tf": ros2.TF_MESSAGE,
-    "/tf_static": ros2.TF_MESSAGE,
-    "/joint_states": ros2.JOINT_STATE,
-    "/battery_state": ros2.BATTERY_STATE,
-    "/diagnostics": ros2.DIAGNOSTIC_ARRAY,
-    "/estopped": ros2.BOOL,
+    "/odom": ros2_names.ODOMETRY,
+    "/tf": ros2_names.TF_MESSAGE,
+    "/tf_static": ros2_names.TF_MESSAGE,
+    "/joint_states": ros2_names.JOINT_STATE,
+    "/battery_state": ros2_names.BATTERY_STATE,
+    "/diagnostics": ros2_names.DIAGNOSTIC_ARRAY,
+    "/estopped": ros2_names.BOOL,
 }
 IN = ("/cmd_vel", "/cmd_vel/teleop")
 TRIGGERS = ("/yahboomd/estop/reset", "/yahboomd/odometry/reset")
@@ -106,8 +106,8 @@ def test_behind_the_bridge_a_publisher_of_the_other_type_is_not_heard_and_diagno
     eventually(lambda: "rt/cmd_vel" in onlooker.graph()["subscribers"], "what we listen to")
     dds_node.order("drive", vx=0.25, hz=50, stamped=True)
     shown = eventually(lambda: onlooker.graph()["publishers"].get("rt/cmd_vel"), "the publisher")
-    assert shown == ros2.dds_type(ros2.TWIST_STAMPED)
-    assert onlooker.graph()["subscribers"]["rt/cmd_vel"] == ros2.dds_type(ros2.TWIST)
+    assert shown == ros2_names.dds_type(ros2_names.TWIST_STAMPED)
+    assert onlooker.graph()["subscribers"]["rt/cmd_vel"] == ros2_names.dds_type(ros2_names.TWIST)
 
     def commands(message):
         return next(e for e in message["status"] if e["name"] == "yahboomd: commands")
@@ -124,7 +124,7 @@ def test_all_topics_show_behind_the_bridge_before_anybody_uses_them(
 ):
     onlooker = start_dds_node("-")
     robot(bridge.endpoint)
-    types = {**OUT, "/rosout": ros2.LOG}
+    types = {**OUT, "/rosout": ros2_names.LOG}
     requests = {f"rq{service}Request" for service in ("/yahboomd/estop", *TRIGGERS)}
     wanted = {f"rt{topic}" for topic in (*IN, "/yahboomd/odometry/set_pose")} | requests
 
@@ -134,7 +134,7 @@ def test_all_topics_show_behind_the_bridge_before_anybody_uses_them(
         return mine if len(mine) >= len(types) and wanted <= graph["subscribers"].keys() else None
 
     mine = eventually(shown, "every topic")
-    assert mine == {topic: ros2.dds_type(ros_type) for topic, ros_type in types.items()}
+    assert mine == {topic: ros2_names.dds_type(ros_type) for topic, ros_type in types.items()}
 
 
 def test_a_dds_node_that_starts_late_gets_the_static_frames(bridge, start_dds_node, robot):
@@ -247,7 +247,7 @@ def test_the_node_shows_in_a_native_graph_with_all_that_it_has(
     assert {"name": "yahboomd", "namespace": "/bot1"} in graph["nodes"]
     topics = {topic["name"]: topic for topic in graph["topics"]}
     for topic, ros_type in OUT.items():
-        assert topics[f"/bot1{topic}"]["type"] == ros2.dds_type(ros_type)
+        assert topics[f"/bot1{topic}"]["type"] == ros2_names.dds_type(ros_type)
         assert topics[f"/bot1{topic}"]["publishers"] == 1
     assert all(topics[f"/bot1{topic}"]["subscribers"] == 1 for topic in IN)
 

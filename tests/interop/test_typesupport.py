@@ -7,10 +7,10 @@ import pytest
 from ros_peers import HERE, built
 
 from yahboomd.core.config import read
-from yahboomd.core.messages import ros2
 from yahboomd.core.messages.native import SetPoseRequest
-from yahboomd.core.messages.rcl_interfaces import log
 from yahboomd.core.messages.set_pose import decode_pose
+from yahboomd.ros2.messages import ros2_names
+from yahboomd.ros2.messages.rcl_interfaces import log
 from yahboomd.ros2.ros2_parameters import parameter_server
 from yahboomd.tools.schemas.cdr_samples import CDR
 
@@ -68,7 +68,7 @@ def test_ros_asks_for_parameters_and_reads_every_answer(ask):
 
 def test_ros_reads_a_line_of_the_log(ask):
     payload = log(1_700_000_000_123_456_789, 30, "yahboomd", "The board is back: é.", "connected")
-    line = ask("read", ros2.LOG, payload.hex())
+    line = ask("read", ros2_names.LOG, payload.hex())
     assert line["stamp"] == {"sec": 1_700_000_000, "nanosec": 123_456_789}
     assert (line["level"], line["name"], line["function"]) == (30, "yahboomd", "connected")
     assert line["msg"] == "The board is back: é."
@@ -76,14 +76,14 @@ def test_ros_reads_a_line_of_the_log(ask):
 
 def test_a_pose_that_ros_writes_is_read(ask):
     values = CDR["PoseWithCovarianceStamped"].values
-    wanted = decode_pose(bytes.fromhex(ask("write", ros2.POSE, values)), "odom")
+    wanted = decode_pose(bytes.fromhex(ask("write", ros2_names.POSE, values)), "odom")
     assert wanted == decode_pose(CDR["PoseWithCovarianceStamped"].payload, "odom")
     assert isinstance(wanted, SetPoseRequest)
 
 
 def test_type_hashes_are_those_of_the_distribution(ask):
     # tf2_msgs is no wheel.
-    types = [name for name in ros2.TYPE_HASHES if not name.startswith("tf2_msgs/")]
+    types = [name for name in ros2_names.TYPE_HASHES if not name.startswith("tf2_msgs/")]
     assert {name: ask("hash", name) for name in types} == {
-        name: ros2.TYPE_HASHES[name] for name in types
+        name: ros2_names.TYPE_HASHES[name] for name in types
     }

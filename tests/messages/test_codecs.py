@@ -34,6 +34,7 @@ from yahboomd.core.messages.native import (
     SetPoseRequest,
     VelocityCommand,
 )
+from yahboomd.ros2.messages import ros2_encoders
 
 pack = msgspec.msgpack.encode
 finite = st.floats(min_value=-1e12, max_value=1e12)
@@ -294,7 +295,7 @@ def test_a_pose_request_survives_the_round_trip(encoding):
         (pack({"x": 0, "y": 0, "theta": 0, "covariance": [math.nan] * 9}), "wrong_type"),
         (b'{"x": 0, "y": 0, "theta": 0, "covariance": [1, 2]}', "wrong_type"),
         (b'{"x":0,"y":0,"theta":0,"covariance":[1,0,0,0,-1,0,0,0,1]}', "wrong_type"),
-        (cdr.trigger_request(), "unknown_encoding"),
+        (ros2_encoders.trigger_request(), "unknown_encoding"),
         (b"", "malformed"),
         (b"{" * (MAX_PAYLOAD_BYTES + 1), "oversize"),
     ],
@@ -358,7 +359,7 @@ def test_who_asks_for_the_estop_is_read_where_it_is_a_printable_text(payload, by
         pack({"engaged": 0}),
         pack({"engaged": False})[:-1],
         b'{"engaged": false, "x": "' + b"x" * MAX_PAYLOAD_BYTES + b'"}',
-        cdr.boolean(True),
+        ros2_encoders.boolean(True),
         cdr.HEADER_LE + b"\x02",
         cdr.HEADER_LE,
     ],
@@ -369,8 +370,8 @@ def test_everything_else_engages(payload):
 
 
 def test_a_false_set_bool_is_a_release_attempt_only_as_a_query():
-    assert is_release_attempt(cdr.boolean(False), query=True)
-    assert not is_release_attempt(cdr.boolean(False))
+    assert is_release_attempt(ros2_encoders.boolean(False), query=True)
+    assert not is_release_attempt(ros2_encoders.boolean(False))
 
 
 @pytest.mark.parametrize("head", [cdr.HEADER_LE, b"\x00\x00\x00\x00"])

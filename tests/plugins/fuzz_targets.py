@@ -31,8 +31,6 @@ from yahboomd.core.messages.codecs import (
     is_release_attempt,
 )
 from yahboomd.core.messages.native import INT64_MAX, MAX_LABEL, SetPoseRequest, VelocityCommand
-from yahboomd.core.messages.rcl_interfaces import ParameterServer
-from yahboomd.core.messages.ros2 import parse_attachment
 from yahboomd.core.messages.set_pose import decode_pose
 from yahboomd.core.model import FASTEST_M_S, FASTEST_RAD_S
 from yahboomd.core.protocol.dialect import (
@@ -57,6 +55,8 @@ from yahboomd.core.protocol.four_channel.stored import units_per_m_s
 from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.core.protocol.settings import BoardSettings, writes
+from yahboomd.ros2.messages.rcl_interfaces import ParameterServer
+from yahboomd.ros2.messages.ros2_names import parse_attachment
 
 Target = Callable[[bytes], None]
 

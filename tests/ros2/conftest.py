@@ -6,13 +6,13 @@ from collections.abc import AsyncIterator, Callable
 
 import pytest
 from real_robot import client, real_robot
-from ros_oracle import oracle
+from ros_oracle import oracle, ros
 from zenoh_fixtures import ZenohApp, free_endpoint, zenoh_app
 
 from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.options import BusOptions
 
-__all__ = ["client", "oracle", "real_robot", "zenoh_app"]
+__all__ = ["client", "oracle", "real_robot", "ros", "zenoh_app"]
 
 
 @pytest.fixture

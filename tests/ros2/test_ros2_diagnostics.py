@@ -7,8 +7,8 @@ from typing import Any
 import msgspec
 import pytest
 
-from yahboomd.core.messages.cdr import Diagnostic
 from yahboomd.core.messages.native import StatusSample
+from yahboomd.ros2.messages.ros2_encoders import Diagnostic
 from yahboomd.ros2.ros2_diagnostics import (
     ERROR,
     OK,

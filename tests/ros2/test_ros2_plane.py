@@ -14,25 +14,26 @@ from ros_oracle import Oracle
 from zenoh_fixtures import late_subscriber
 
 from yahboomd.core.config import read
-from yahboomd.core.messages import cdr, ros2
+from yahboomd.core.messages import cdr
+from yahboomd.ros2.messages import ros2_encoders, ros2_names
 from yahboomd.ros2.ros2_plane import topics
 from yahboomd.tools.schemas.cdr_samples import pose_message
 
 pytestmark = pytest.mark.realtime
 
 TYPES = {
-    "odom": ros2.ODOMETRY,
-    "tf": ros2.TF_MESSAGE,
-    "joint_states": ros2.JOINT_STATE,
-    "battery_state": ros2.BATTERY_STATE,
-    "diagnostics": ros2.DIAGNOSTIC_ARRAY,
-    "estopped": ros2.BOOL,
+    "odom": ros2_names.ODOMETRY,
+    "tf": ros2_names.TF_MESSAGE,
+    "joint_states": ros2_names.JOINT_STATE,
+    "battery_state": ros2_names.BATTERY_STATE,
+    "diagnostics": ros2_names.DIAGNOSTIC_ARRAY,
+    "estopped": ros2_names.BOOL,
 }
 LASER = 'ros2.static_transforms=[{parent="base_link",child="laser",z=0.1}]'
 
 
 def native_key(topic: str, ros_type: str) -> str:
-    return f"0/{topic}/{ros2.dds_type(ros_type)}/{ros2.TYPE_HASHES[ros_type]}"
+    return f"0/{topic}/{ros2_names.dds_type(ros_type)}/{ros2_names.TYPE_HASHES[ros_type]}"
 
 
 class Graph:
@@ -81,7 +82,7 @@ def test_ros_reads_every_byte_and_the_same_readings_as_the_native_plane(
     graph = Graph(app.session)
     app.in_state("standing")
     app.drive_until(
-        cdr.twist((0.25, 0.0, 0.0, 0.0, 0.0, 0.6)),
+        ros2_encoders.twist((0.25, 0.0, 0.0, 0.0, 0.0, 0.6)),
         lambda: app.latest("twist")["vx"] > 0.22 and len(graph.samples["odom"]) > 60,
         "it drives",
     )
@@ -93,9 +94,10 @@ def test_ros_reads_every_byte_and_the_same_readings_as_the_native_plane(
             message = oracle.store.deserialize_cdr(payload, ros_type)
             assert bytes(oracle.store.serialize_cdr(message, ros_type)) == payload
 
-    odometry = [oracle.decode(ros2.ODOMETRY, payload) for payload in graph.payloads("odom")]
+    odometry = [oracle.decode(ros2_names.ODOMETRY, payload) for payload in graph.payloads("odom")]
     transforms = [
-        oracle.decode(ros2.TF_MESSAGE, payload)["transforms"] for payload in graph.payloads("tf")
+        oracle.decode(ros2_names.TF_MESSAGE, payload)["transforms"]
+        for payload in graph.payloads("tf")
     ]
     stamps = [stamp_ns(transform["header"]) for (transform,) in transforms]
     assert stamps == sorted(set(stamps)), "tf2 takes a repeated transform for a mistake"
@@ -121,7 +123,7 @@ def test_natively_the_same_bytes_go_out_with_an_attachment(
         key = native_key(topic, ros_type)
         wait_for(lambda key=key: graph.samples[key], topic)
         attached = [
-            ros2.parse_attachment(sample.attachment.to_bytes())
+            ros2_names.parse_attachment(sample.attachment.to_bytes())
             for sample in list(graph.samples[key])
             if sample.attachment is not None
         ]
@@ -130,7 +132,7 @@ def test_natively_the_same_bytes_go_out_with_an_attachment(
         numbers = [each.sequence for each in attached]
         assert numbers == list(range(first, first + len(numbers)))
         assert len({each.gid for each in attached}) == 1
-    odom = native_key("odom", ros2.ODOMETRY)
+    odom = native_key("odom", ros2_names.ODOMETRY)
     wait_for(
         lambda: len(set(graph.payloads("odom")) & set(graph.payloads(odom))) > 20, "the same bytes"
     )
@@ -142,10 +144,10 @@ def test_a_late_subscriber_gets_the_static_frames(
     robot = run("ros2.rmw_zenoh=true", LASER)
     app = client("client", robot.endpoint)
     app.in_state("standing")
-    for key in ("tf_static", native_key("tf_static", ros2.TF_MESSAGE)):
+    for key in ("tf_static", native_key("tf_static", ros2_names.TF_MESSAGE)):
         with late_subscriber(app.session, key, newest=1) as heard:
             wait_for(lambda heard=heard: heard, key)
-        (laser,) = oracle.decode(ros2.TF_MESSAGE, heard[0].payload.to_bytes())["transforms"]
+        (laser,) = oracle.decode(ros2_names.TF_MESSAGE, heard[0].payload.to_bytes())["transforms"]
         assert (laser["header"]["frame_id"], laser["child_frame_id"]) == ("base_link", "laser")
         assert laser["transform"]["translation"] == {"x": 0.0, "y": 0.0, "z": 0.1}
     # A subscriber that knows nothing of caches waits a second at most.
@@ -162,14 +164,26 @@ def test_what_ros_asks_is_answered_in_cdr(
     app.in_state("standing")
     graph = Graph(app.session)
     gid = bytes(range(16))
-    asked = ros2.attachment(5, 1, gid)
+    asked = ros2_names.attachment(5, 1, gid)
     for key, ros_type, payload, success, state in (
-        ("yahboomd/estop", ros2.SET_BOOL, cdr.boolean(True), True, "estopped"),
-        ("yahboomd/estop", ros2.SET_BOOL, cdr.boolean(False), False, "estopped"),
-        ("yahboomd/estop/reset", ros2.TRIGGER, cdr.trigger_request(), True, "standing"),
-        ("yahboomd/odometry/reset", ros2.TRIGGER, cdr.trigger_request(), True, "standing"),
+        ("yahboomd/estop", ros2_names.SET_BOOL, ros2_encoders.boolean(True), True, "estopped"),
+        ("yahboomd/estop", ros2_names.SET_BOOL, ros2_encoders.boolean(False), False, "estopped"),
+        (
+            "yahboomd/estop/reset",
+            ros2_names.TRIGGER,
+            ros2_encoders.trigger_request(),
+            True,
+            "standing",
+        ),
+        (
+            "yahboomd/odometry/reset",
+            ros2_names.TRIGGER,
+            ros2_encoders.trigger_request(),
+            True,
+            "standing",
+        ),
         # The least that the bridge leaves of a request: the header of its encoding.
-        ("yahboomd/odometry/reset", ros2.TRIGGER, cdr.HEADER_LE, True, "standing"),
+        ("yahboomd/odometry/reset", ros2_names.TRIGGER, cdr.HEADER_LE, True, "standing"),
     ):
         through_bridge = graph.ask(key, payload)
         native = graph.ask(native_key(key, ros_type), payload, asked)
@@ -178,7 +192,7 @@ def test_what_ros_asks_is_answered_in_cdr(
             assert reply["success"] is success
             assert reply["message"]
         assert native.attachment is not None
-        returned = ros2.parse_attachment(native.attachment.to_bytes())
+        returned = ros2_names.parse_attachment(native.attachment.to_bytes())
         assert (returned.sequence, returned.gid) == (5, gid)
         app.in_state(state)
 
@@ -190,15 +204,15 @@ def test_natively_the_estop_answers_to_the_names_of_other_bases(
     app = client("client", robot.endpoint, "bot1/yahboomd")
     app.in_state("standing")
     graph = Graph(app.session)
-    asked = ros2.attachment(5, 1, bytes(range(16)))
+    asked = ros2_names.attachment(5, 1, bytes(range(16)))
     for name, request, state in (
         # The zero byte of an empty request is the false of a SetBool, which is refused.
-        ("e_stop_trigger", cdr.trigger_request(), "estopped"),
+        ("e_stop_trigger", ros2_encoders.trigger_request(), "estopped"),
         ("e_stop_trigger", cdr.HEADER_LE, "estopped"),
-        ("e_stop_reset", cdr.trigger_request(), "standing"),
+        ("e_stop_reset", ros2_encoders.trigger_request(), "standing"),
     ):
-        answer = graph.ask(native_key(f"bot1/{name}", ros2.TRIGGER), request, asked)
-        reply = oracle.decode(f"{ros2.TRIGGER}_Response", answer.payload.to_bytes())
+        answer = graph.ask(native_key(f"bot1/{name}", ros2_names.TRIGGER), request, asked)
+        reply = oracle.decode(f"{ros2_names.TRIGGER}_Response", answer.payload.to_bytes())
         assert reply["success"] is True
         app.in_state(state)
 
@@ -210,7 +224,7 @@ def test_twenty_presses_are_one_event_and_so_one_black_box(
     app = client("client", robot.endpoint)
     app.in_state("standing")
     for _ in range(20):
-        app.session.put("yahboomd/estop", cdr.boolean(True))
+        app.session.put("yahboomd/estop", ros2_encoders.boolean(True))
         app.in_state("estopped")
     wait_for(lambda: app.latest("status")["command"]["estops"] == 20, "all of them")
     wait_for(lambda: app.samples.get("events"), "the event")
@@ -225,19 +239,22 @@ def test_the_estop_is_a_topic_too_and_a_button_that_is_not_pressed_changes_nothi
     app = client("client", robot.endpoint)
     app.in_state("standing")
     graph = Graph(app.session)
-    pressed, let_go = cdr.boolean(True), cdr.boolean(False)
-    attached = ros2.attachment(1, 1, bytes(range(16)))
+    pressed, let_go = ros2_encoders.boolean(True), ros2_encoders.boolean(False)
+    attached = ros2_names.attachment(1, 1, bytes(range(16)))
 
     def idle() -> int:
         return int(app.latest("status")["command"]["estop_not_pressed"])
 
     def said() -> list[bool]:
-        return [oracle.decode(ros2.BOOL, payload)["data"] for payload in graph.payloads("estopped")]
+        return [
+            oracle.decode(ros2_names.BOOL, payload)["data"]
+            for payload in graph.payloads("estopped")
+        ]
 
     def press(key: str, payload: bytes) -> None:
         app.session.put(key, payload, attachment=attached if key != "yahboomd/estop" else None)
 
-    for key in ("yahboomd/estop", native_key("yahboomd/estop", ros2.BOOL)):
+    for key in ("yahboomd/estop", native_key("yahboomd/estop", ros2_names.BOOL)):
         wait_for(lambda: said()[-1:] == [False], "not engaged")
         before = idle()
         for _ in range(50):
@@ -253,7 +270,7 @@ def test_the_estop_is_a_topic_too_and_a_button_that_is_not_pressed_changes_nothi
         wait_for(lambda before=before: idle() == before + 51, "a button that was let go")
         assert app.latest("status")["state"] == "estopped"
         assert app.latest("status")["command"]["release_refused"] == 0
-        graph.ask("yahboomd/estop/reset", cdr.trigger_request())
+        graph.ask("yahboomd/estop/reset", ros2_encoders.trigger_request())
         app.in_state("standing")
 
 
@@ -267,14 +284,14 @@ def test_a_pose_in_the_frame_of_the_odometry_is_set_and_any_other_refused(
     turned = (0.0, 0.0, 0.6, 0.8)
 
     def orientation() -> Any:
-        newest = oracle.decode(ros2.ODOMETRY, graph.payloads("odom")[-1])
+        newest = oracle.decode(ros2_names.ODOMETRY, graph.payloads("odom")[-1])
         return newest["pose"]["pose"]["orientation"]
 
-    keys = ("yahboomd/odometry/set_pose", native_key("yahboomd/odometry/set_pose", ros2.POSE))
+    keys = ("yahboomd/odometry/set_pose", native_key("yahboomd/odometry/set_pose", ros2_names.POSE))
     for count, key in enumerate(keys, start=1):
         for frame, x in (("bot1/odom", float(count)), ("map", 7.0)):
             payload = pose_message(1, frame, (x, 0.0, 0.0, *turned, *([0.0] * 36)))
-            app.session.put(key, payload, attachment=ros2.attachment(1, 1, bytes(16)))
+            app.session.put(key, payload, attachment=ros2_names.attachment(1, 1, bytes(16)))
         wait_for(
             lambda count=count: app.latest("status")["command"]["poses_refused"] == count,
             "a refusal",
@@ -292,14 +309,14 @@ def test_events_are_on_the_graphs_one_log_and_a_late_node_gets_them(
     robot = run("ros2.rmw_zenoh=true", "zenoh.namespace=bot1")
     app = client("client", robot.endpoint, "bot1/yahboomd")
     app.in_state("standing")
-    app.session.put(native_key("bot1/yahboomd/estop", ros2.BOOL), cdr.boolean(True))
+    app.session.put(native_key("bot1/yahboomd/estop", ros2_names.BOOL), ros2_encoders.boolean(True))
     app.in_state("estopped")
 
     def stops(heard: list[zenoh.Sample]) -> list[dict[str, Any]]:
-        lines = [oracle.decode(ros2.LOG, sample.payload.to_bytes()) for sample in list(heard)]
+        lines = [oracle.decode(ros2_names.LOG, sample.payload.to_bytes()) for sample in list(heard)]
         return [line for line in lines if line["function"] == "estop"]
 
-    for key in ("bot1/rosout", native_key("rosout", ros2.LOG)):
+    for key in ("bot1/rosout", native_key("rosout", ros2_names.LOG)):
         with late_subscriber(app.session, key, newest=1000) as heard:
             (line,) = wait_for(lambda heard=heard: stops(heard), key)
         assert (line["level"], line["name"]) == (30, "yahboomd")
@@ -321,31 +338,31 @@ def test_the_node_answers_for_its_parameters(
         sequence += 1
         gid = bytes(range(16))
         key = native_key(f"bot1/yahboomd/{service}", ros_type)
-        answer = graph.ask(key, payload, ros2.attachment(sequence, 1, gid))
-        returned = ros2.parse_attachment(answer.attachment.to_bytes())
+        answer = graph.ask(key, payload, ros2_names.attachment(sequence, 1, gid))
+        returned = ros2_names.parse_attachment(answer.attachment.to_bytes())
         assert (returned.sequence, returned.gid) == (sequence, gid)
         return oracle.decode(f"{ros_type}_Response", answer.payload.to_bytes())
 
     def encode(ros_type: str, **request: Any) -> bytes:
         return oracle.encode(f"{ros_type}_Request", request)
 
-    every = encode(ros2.LIST_PARAMETERS, prefixes=[], depth=0)
-    names = ask("list_parameters", ros2.LIST_PARAMETERS, every)["result"]["names"]
+    every = encode(ros2_names.LIST_PARAMETERS, prefixes=[], depth=0)
+    names = ask("list_parameters", ros2_names.LIST_PARAMETERS, every)["result"]["names"]
     assert "zenoh.namespace" in names
     # All at once, as `ros2 param dump` asks.
-    wanted = encode(ros2.GET_PARAMETERS, names=names)
-    values = ask("get_parameters", ros2.GET_PARAMETERS, wanted)["values"]
+    wanted = encode(ros2_names.GET_PARAMETERS, names=names)
+    values = ask("get_parameters", ros2_names.GET_PARAMETERS, wanted)["values"]
     assert values[names.index("zenoh.namespace")]["string_value"] == "bot1"
     assert len(values) == len(names)
     # Even more than a command may have.
-    wanted = encode(ros2.DESCRIBE_PARAMETERS, names=names * 3)
+    wanted = encode(ros2_names.DESCRIBE_PARAMETERS, names=names * 3)
     assert len(wanted) > 4096
-    described = ask("describe_parameters", ros2.DESCRIBE_PARAMETERS, wanted)["descriptors"]
+    described = ask("describe_parameters", ros2_names.DESCRIBE_PARAMETERS, wanted)["descriptors"]
     assert len(described) == 3 * len(names)
     assert all(each["description"] for each in described)
     # Other bytes than a request are answered as well.
     for payload in (b"", b"{}"):
-        assert ask("get_parameters", ros2.GET_PARAMETERS, payload) == {"values": []}
+        assert ask("get_parameters", ros2_names.GET_PARAMETERS, payload) == {"values": []}
 
 
 def test_a_node_with_another_clock_drives_and_is_named_in_the_diagnostics(
@@ -357,12 +374,14 @@ def test_a_node_with_another_clock_drives_and_is_named_in_the_diagnostics(
     app.in_state("standing")
 
     def warned() -> list[dict[str, Any]]:
-        command = cdr.twist_stamped(time.time_ns() - 3_200_000_000, "", (0.2, 0, 0, 0, 0, 0))
+        command = ros2_encoders.twist_stamped(
+            time.time_ns() - 3_200_000_000, "", (0.2, 0, 0, 0, 0, 0)
+        )
         app.session.put("cmd_vel", command)
         entries = [
             entry
             for payload in graph.payloads("diagnostics")[-1:]
-            for entry in oracle.decode(ros2.DIAGNOSTIC_ARRAY, payload)["status"]
+            for entry in oracle.decode(ros2_names.DIAGNOSTIC_ARRAY, payload)["status"]
         ]
         return [each for each in entries if each["name"] == "yahboomd: commands" and each["level"]]
 
@@ -391,14 +410,14 @@ def test_native_commands_drive_and_one_that_was_held_up_does_not(
     robot = run("ros2.rmw_zenoh=true", "ros2.bridge=false")
     app = client("client", robot.endpoint)
     app.in_state("standing")
-    key = native_key("cmd_vel", ros2.TWIST)
+    key = native_key("cmd_vel", ros2_names.TWIST)
     sequence = 0
 
     def say(stamp_ns: int) -> None:
         nonlocal sequence
         sequence += 1
-        attached = ros2.attachment(sequence, stamp_ns, bytes(16))
-        app.session.put(key, cdr.twist((0.2, 0, 0, 0, 0, 0)), attachment=attached)
+        attached = ros2_names.attachment(sequence, stamp_ns, bytes(16))
+        app.session.put(key, ros2_encoders.twist((0.2, 0, 0, 0, 0, 0)), attachment=attached)
 
     def driving() -> bool:
         say(time.time_ns())

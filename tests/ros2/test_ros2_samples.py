@@ -10,9 +10,7 @@ import msgspec
 import pytest
 from ros_oracle import Oracle
 
-from yahboomd.core.messages import ros2
 from yahboomd.core.messages.native import StatusSample
-from yahboomd.core.messages.ros2 import Qos
 from yahboomd.core.model import (
     Event,
     ImuEstimate,
@@ -23,6 +21,8 @@ from yahboomd.core.model import (
     Severity,
     Twist2d,
 )
+from yahboomd.ros2.messages import ros2_names
+from yahboomd.ros2.messages.ros2_names import Qos
 from yahboomd.ros2.ros2_samples import Placed, RosPublisher, Spread, Topics
 from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 
@@ -233,7 +233,7 @@ async def test_what_is_switched_off_has_no_topic(graph: Graph) -> None:
     publisher.battery(7.5, STAMP_NS)
     publisher.status(STATUS)
     # The emergency stop is not to be switched off, and nor is what tells of it, and of faults.
-    assert graph.types == {"estopped": ros2.BOOL, "rosout": ros2.LOG}
+    assert graph.types == {"estopped": ros2_names.BOOL, "rosout": ros2_names.LOG}
 
 
 async def test_events_are_lines_of_the_nodes_log(graph: Graph) -> None:
@@ -322,4 +322,4 @@ async def test_static_frames_are_repeated_without_a_reader_of_diagnostics(graph:
     bridge = graph.outlets["tf_static"][0].payloads
     assert len(bridge) == 3
     assert len(set(bridge)) == 1
-    assert graph.types["tf_static"] == ros2.TF_MESSAGE
+    assert graph.types["tf_static"] == ros2_names.TF_MESSAGE

@@ -9,8 +9,8 @@ import zenoh
 from zenoh_fixtures import ZenohApp, eventually
 
 from yahboomd.core.bus.bus import Bus
-from yahboomd.core.messages import ros2
-from yahboomd.core.messages.ros2 import Node, Qos
+from yahboomd.ros2.messages import ros2_names
+from yahboomd.ros2.messages.ros2_names import Node, Qos
 from yahboomd.ros2.ros2_types import TypeWatch
 
 pytestmark = pytest.mark.realtime
@@ -46,19 +46,21 @@ def writers(app: ZenohApp, topic: str, *answers: bytes) -> zenoh.Queryable[None]
 
 
 def writer(ros_type: str) -> bytes:
-    return json.dumps({"key": "7", "type_name": ros2.dds_type(ros_type), "keyless": True}).encode()
+    return json.dumps(
+        {"key": "7", "type_name": ros2_names.dds_type(ros_type), "keyless": True}
+    ).encode()
 
 
 @pytest.mark.parametrize("topic", ["cmd_vel", "bot1/cmd_vel"])
 async def test_a_writer_of_another_type_behind_a_bridge_is_named(
     watch: TypeWatch, app: ZenohApp, topic: str
 ) -> None:
-    watch.watch_bridges("cmd_vel", ros2.TWIST)
+    watch.watch_bridges("cmd_vel", ros2_names.TWIST)
     watched = Watched(watch)
     assert watched.warnings() == {}
     nested = b'{"key":' + b"[" * 3000
     broken = (b"{}", b"no JSON", nested, b'{"type_name": "\\ud800"}', b"\xff")
-    both = writers(app, topic, *broken, writer(ros2.TWIST), writer(ros2.TWIST_STAMPED))
+    both = writers(app, topic, *broken, writer(ros2_names.TWIST), writer(ros2_names.TWIST_STAMPED))
     words = (await eventually(watched.warnings))["cmd_vel"]
     assert "publishes geometry_msgs/msg/TwistStamped on bot1/cmd_vel" in words
     assert "expects geometry_msgs/msg/Twist:" in words
@@ -68,23 +70,25 @@ async def test_a_writer_of_another_type_behind_a_bridge_is_named(
 
 
 async def test_a_writer_of_the_expected_type_is_no_news(watch: TypeWatch, app: ZenohApp) -> None:
-    watch.watch_bridges("cmd_vel", ros2.TWIST_STAMPED)
+    watch.watch_bridges("cmd_vel", ros2_names.TWIST_STAMPED)
     watched = Watched(watch)
-    right = writers(app, "cmd_vel", writer(ros2.TWIST_STAMPED))
+    right = writers(app, "cmd_vel", writer(ros2_names.TWIST_STAMPED))
     assert not any(watched.warnings() for _ in range(5))
     right.undeclare()
-    _wrong = writers(app, "cmd_vel", writer(ros2.TWIST))
+    _wrong = writers(app, "cmd_vel", writer(ros2_names.TWIST))
     assert 'Take "cmd_vel" out of' in (await eventually(watched.warnings))["cmd_vel"]
 
 
 async def test_natively_both_types_of_commands_are_right_and_others_are_named(
     watch: TypeWatch, app: ZenohApp
 ) -> None:
-    watch.watch_nodes("cmd_vel", ros2.TWIST, 7)
+    watch.watch_nodes("cmd_vel", ros2_names.TWIST, 7)
     node = Node(domain_id=7, zid="aa", name="nav", namespace="bot1")
     tokens = {}
-    for entity, ros_type in enumerate((ros2.TWIST_STAMPED, ros2.TWIST, ros2.BOOL), start=1):
-        token = ros2.endpoint_token(
+    for entity, ros_type in enumerate(
+        (ros2_names.TWIST_STAMPED, ros2_names.TWIST, ros2_names.BOOL), start=1
+    ):
+        token = ros2_names.endpoint_token(
             "MP",
             node,
             entity=entity,
@@ -98,5 +102,5 @@ async def test_natively_both_types_of_commands_are_right_and_others_are_named(
     words = (await eventually(watched.warnings))["cmd_vel"]
     assert "publishes std_msgs/msg/Bool on bot1/cmd_vel" in words
     assert "Twist" not in words.partition(" on ")[0]
-    tokens[ros2.BOOL].undeclare()
+    tokens[ros2_names.BOOL].undeclare()
     await eventually(lambda: not watched.warnings())

@@ -21,7 +21,8 @@ from real_robot import RealRobot, free_endpoint, wait_for
 
 from yahboomd.cli.main import main
 from yahboomd.client import NoDaemon, Robot
-from yahboomd.core.messages import cdr, ros2
+from yahboomd.core.messages import cdr
+from yahboomd.ros2.messages import ros2_names
 
 pytestmark = pytest.mark.realtime
 
@@ -222,8 +223,8 @@ def test_a_viewer_drives_by_no_key_of_ros_either(
 ) -> None:
     """As the router of an rmw_zenoh graph the daemon tells its nodes of each other."""
     robot = guarded(mutual(example, authority), "tls", natively=True)
-    node = ros2.Node(domain_id=0, zid="1")
-    key = ros2.native_key(node, topic="cmd_vel", ros_type=ros2.TWIST, distro="jazzy")
+    node = ros2_names.Node(domain_id=0, zid="1")
+    key = ros2_names.native_key(node, topic="cmd_vel", ros_type=ros2_names.TWIST, distro="jazzy")
     twist = struct.pack("<4s6d", cdr.HEADER_LE, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0)
     viewer, operator = (app(robot.endpoint, authority.shown_by(n)) for n in ("viewer", "operator"))
     for _ in range(20):

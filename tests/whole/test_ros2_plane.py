@@ -14,9 +14,9 @@ from ros_oracle import Oracle
 
 from yahboomd.core.daemon.publisher import Publisher
 from yahboomd.core.daemon.stamps import WallStamps
-from yahboomd.core.messages import cdr
-from yahboomd.core.messages.ros2 import Qos
 from yahboomd.core.model import OdometryEstimate, Twist2d
+from yahboomd.ros2.messages import ros2_encoders
+from yahboomd.ros2.messages.ros2_names import Qos
 from yahboomd.ros2.ros2_plane import topics
 from yahboomd.ros2.ros2_samples import RosPublisher, Spread
 from yahboomd.simulation.options import SimulationOptions
@@ -88,7 +88,7 @@ class GraphBench(FaultBench):
     async def command(self, wish: Twist2d, for_s: float) -> None:
         """As a ROS node commands: Twists, 20 a second."""
         for _ in range(round(for_s * 20)):
-            self.payload(cdr.twist((wish.vx, wish.vy, 0.0, 0.0, 0.0, wish.wz)))
+            self.payload(ros2_encoders.twist((wish.vx, wish.vy, 0.0, 0.0, 0.0, wish.wz)))
             await asyncio.sleep(0.05)
 
 

@@ -8,7 +8,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from yahboomd.cli.attended import add_robot_options, attend
-from yahboomd.core.daemon.key_table import OFFERS
+from yahboomd.tools.schemas.key_table import OFFERS
 
 if TYPE_CHECKING:
     from yahboomd.client import AsyncRobot

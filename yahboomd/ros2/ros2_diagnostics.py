@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from yahboomd.core.messages.cdr import Diagnostic
 from yahboomd.core.messages.native import Group, StatusSample
+from yahboomd.ros2.messages.ros2_encoders import Diagnostic
 
 OK, WARN, ERROR, STALE = 0, 1, 2, 3
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from yahboomd.core.config import Config, schema
 from yahboomd.core.config.values import Place
-from yahboomd.core.messages.rcl_interfaces import ParameterServer, Value
+from yahboomd.ros2.messages.rcl_interfaces import ParameterServer, Value
 
 REFUSAL = (
     "It is read-only: yahboomd reads its configuration when it starts. Change config.toml, the "

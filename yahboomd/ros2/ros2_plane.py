@@ -11,13 +11,13 @@ from yahboomd.core.bus.subscriptions import Arrival
 from yahboomd.core.clock import Clock
 from yahboomd.core.config import Config
 from yahboomd.core.config.outputs import StaticTransform
-from yahboomd.core.daemon.key_table import OFFERS
 from yahboomd.core.daemon.planes import Guard, PlaneRequests
-from yahboomd.core.messages import planar, ros2
-from yahboomd.core.messages.ros2 import Qos
 from yahboomd.core.names import is_ros_name
+from yahboomd.ros2.messages import planar, ros2_names
+from yahboomd.ros2.messages.ros2_names import Qos
 from yahboomd.ros2.ros2_parameters import parameter_server
 from yahboomd.ros2.ros2_samples import Placed, RosPublisher, Spread, Topics
+from yahboomd.ros2.ros2_topics import SERVICES
 from yahboomd.ros2.ros2_types import TypeWatch
 from yahboomd.ros2.ros2_ways import BridgeWay, NativeWay
 
@@ -31,9 +31,6 @@ REPEATED = Qos(reliable=False, depth=10)
 A reliable reader gets nothing from a fresh writer of FastDDS before their handshake is complete,
 which takes a second, and a writer that ends before that is never heard. Not latched: a press of
 yesterday must not stop the robot again when the bridge restarts."""
-
-SERVICES = {key: offer.ros_type for key, offer in OFFERS.items() if offer.ros_type}
-"""The services whose requests ROS 2 has types for."""
 
 USUAL_NAMES = {"e_stop_trigger": keys.ESTOP, "e_stop_reset": keys.ESTOP_RESET}
 """The e-stop's services at other bases; natively both are here as well, as a Trigger."""
@@ -76,9 +73,11 @@ class Ros2Plane:
         # Services and commands come before samples: the e-stop first. As a topic besides, because
         # the bridge drops the service calls of rmw_fastrtps, the default of ROS 2.
         if bridge is not None:
-            bridge.subscriber(keys.ESTOP, ros2.BOOL, REPEATED)
+            bridge.subscriber(keys.ESTOP, ros2_names.BOOL, REPEATED)
         if native is not None:
-            native.alarm(keys.ESTOP, ros2.BOOL, REPEATED, lambda at: services.hear_estop(bus, at))
+            native.alarm(
+                keys.ESTOP, ros2_names.BOOL, REPEATED, lambda at: services.hear_estop(bus, at)
+            )
         for key, ros_type in SERVICES.items():
             if bridge is not None:
                 bridge.service(key, ros_type)
@@ -86,25 +85,25 @@ class Ros2Plane:
                 serve(native, key, key, ros_type)
         if native is not None:
             for name, key in USUAL_NAMES.items():
-                serve(native, name, key, ros2.TRIGGER)
+                serve(native, name, key, ros2_names.TRIGGER)
             native.parameters(parameter_server(config))
         types = TypeWatch(bus, guarded)
         sent_at = guarded("The time of sending", sent_ns)
         for source in filter(is_ros_name, config.command.sources):
             stamped = source in config.ros2.stamped_commands
-            ros_type = ros2.TWIST_STAMPED if stamped else ros2.TWIST
+            ros_type = ros2_names.TWIST_STAMPED if stamped else ros2_names.TWIST
             if bridge is not None:
                 bridge.subscriber(source, ros_type, COMMANDS)
                 types.watch_bridges(source, ros_type)
             if native is not None:
-                other = ros2.TWIST if stamped else ros2.TWIST_STAMPED
+                other = ros2_names.TWIST if stamped else ros2_names.TWIST_STAMPED
                 handler = requests.commands(source, sent_at)
                 native.subscriber(source, ros_type, COMMANDS, handler, also=other)
                 types.watch_nodes(source, ros_type, config.ros2.domain_id)
         if bridge is not None:
-            bridge.subscriber(keys.ODOMETRY_SET_POSE, ros2.POSE, REPEATED)
+            bridge.subscriber(keys.ODOMETRY_SET_POSE, ros2_names.POSE, REPEATED)
         if native is not None:
-            native.subscriber(keys.ODOMETRY_SET_POSE, ros2.POSE, REPEATED, requests.poses)
+            native.subscriber(keys.ODOMETRY_SET_POSE, ros2_names.POSE, REPEATED, requests.poses)
         publisher = RosPublisher(open_topic, topics(config), clock, types.warnings)
         publisher.place()
         return publisher
@@ -112,7 +111,7 @@ class Ros2Plane:
 
 def sent_ns(arrival: Arrival) -> int | None:
     """When a node of rmw_zenoh sent a sample, Unix ns, by its attachment; None if that is none."""
-    attachment = ros2.parse_attachment(arrival.attachment or b"")
+    attachment = ros2_names.parse_attachment(arrival.attachment or b"")
     return attachment.stamp_ns if attachment is not None and attachment.stamp_ns > 0 else None
 
 

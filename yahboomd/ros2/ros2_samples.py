@@ -9,15 +9,14 @@ from typing import Protocol
 
 import msgspec
 
-from yahboomd.core.bus import keys
 from yahboomd.core.clock import Clock, nanoseconds
-from yahboomd.core.daemon.key_table import ROS_TOPICS
 from yahboomd.core.daemon.publisher import Outlet, Pace
-from yahboomd.core.messages import cdr, planar
 from yahboomd.core.messages.native import StatusSample
-from yahboomd.core.messages.rcl_interfaces import LEVELS, log
-from yahboomd.core.messages.ros2 import NODE, Qos
 from yahboomd.core.model import Event, ImuEstimate, OdometryEstimate
+from yahboomd.ros2 import ros2_topics
+from yahboomd.ros2.messages import planar, ros2_encoders
+from yahboomd.ros2.messages.rcl_interfaces import LEVELS, log
+from yahboomd.ros2.messages.ros2_names import NODE, Qos
 from yahboomd.ros2.ros2_diagnostics import Diagnostics, levels
 
 DIAGNOSTICS_EVERY_S = 1.0
@@ -115,13 +114,13 @@ class RosPublisher:
         type_warnings: Callable[[int], Mapping[str, str]] = lambda _: {},
     ) -> None:
         def opened(topic: str, default: str) -> Spread:
-            row = ROS_TOPICS[default]
+            row = ros2_topics.ROS_TOPICS[default]
             return open_topic(topic, row.ros_type, row.qos) if topic else Spread()
 
         def open_imu() -> tuple[Spread, Spread]:
             named = (
-                (f"{topics.imu}/data", keys.ROS_IMU),
-                (f"{topics.imu}/data_raw", keys.ROS_IMU_RAW),
+                (f"{topics.imu}/data", ros2_topics.IMU),
+                (f"{topics.imu}/data_raw", ros2_topics.IMU_RAW),
             )
             one, other = (opened(name if topics.imu else "", key) for name, key in named)
             return one, other
@@ -134,21 +133,21 @@ class RosPublisher:
         self._clock = clock
         self._type_warnings = type_warnings
         self._radii_m = topics.radii_m
-        self._odom = opened(topics.odom, keys.ROS_ODOM)
-        self._tf = opened(keys.ROS_TF if topics.transform else "", keys.ROS_TF)
-        self._joints = opened(topics.joint_states, keys.ROS_JOINT_STATES)
-        self._battery = opened(topics.battery_state, keys.ROS_BATTERY_STATE)
-        self._diagnostics = opened(topics.diagnostics, keys.ROS_DIAGNOSTICS)
-        self._estopped = opened(keys.ROS_ESTOPPED, keys.ROS_ESTOPPED)
-        self._rosout = opened(keys.ROS_ROSOUT, keys.ROS_ROSOUT)
+        self._odom = opened(topics.odom, ros2_topics.ODOM)
+        self._tf = opened(ros2_topics.TF if topics.transform else "", ros2_topics.TF)
+        self._joints = opened(topics.joint_states, ros2_topics.JOINT_STATES)
+        self._battery = opened(topics.battery_state, ros2_topics.BATTERY_STATE)
+        self._diagnostics = opened(topics.diagnostics, ros2_topics.DIAGNOSTICS)
+        self._estopped = opened(ros2_topics.ESTOPPED, ros2_topics.ESTOPPED)
+        self._rosout = opened(ros2_topics.ROSOUT, ros2_topics.ROSOUT)
         self._was_estopped: bool | None = None
-        self._static = opened(keys.ROS_TF_STATIC if topics.static else "", keys.ROS_TF_STATIC)
+        self._static = opened(ros2_topics.TF_STATIC if topics.static else "", ros2_topics.TF_STATIC)
         self._fixed = _fixed(topics.static, clock.wall_ns()) if topics.static else b""
         self._encode_odom = planar.odometry(*frames)
         self._encode_tf = planar.transform(*frames)
         self._base = topics.child_frame_id
-        self._encode_joints = cdr.joint_state(self._base, topics.joints)
-        self._encode_battery = cdr.battery_state(self._base)
+        self._encode_joints = ros2_encoders.joint_state(self._base, topics.joints)
+        self._encode_battery = ros2_encoders.battery_state(self._base)
         self._battery_curve = topics.battery_curve
         self._entries = Diagnostics(hardware_id=topics.hardware_id)
         self._pace = Pace(nanoseconds(DIAGNOSTICS_EVERY_S))
@@ -203,13 +202,13 @@ class RosPublisher:
             estopped = sample.state == "estopped"
             if is_due or estopped != self._was_estopped:
                 self._was_estopped = estopped
-                self._estopped.put(cdr.boolean(estopped))
+                self._estopped.put(ros2_encoders.boolean(estopped))
         if not self._diagnostics.has_subscribers:
             return
         entries = self._entries.of(sample, type_warnings)
         if is_due or levels(entries) != self._levels:
             self._levels = levels(entries)
-            self._diagnostics.put(cdr.diagnostics(sample.stamp_ns, self._base, entries))
+            self._diagnostics.put(ros2_encoders.diagnostics(sample.stamp_ns, self._base, entries))
 
 
 def charge_of(volts: float, curve: tuple[tuple[float, float], ...]) -> float:
@@ -228,5 +227,5 @@ def charge_of(volts: float, curve: tuple[tuple[float, float], ...]) -> float:
 
 
 def _fixed(frames: tuple[Placed, ...], stamp_ns: int) -> bytes:
-    encode = cdr.transforms([(each.parent, each.child) for each in frames])
+    encode = ros2_encoders.transforms([(each.parent, each.child) for each in frames])
     return encode(stamp_ns, [(*each.position_m, *each.rotation) for each in frames])

@@ -16,7 +16,7 @@ from yahboomd.core.bus.survey import Survey
 from yahboomd.core.clock import nanoseconds
 from yahboomd.core.daemon.planes import Guard
 from yahboomd.core.daemon.publisher import Pace
-from yahboomd.core.messages import ros2
+from yahboomd.ros2.messages import ros2_names
 
 log = logging.getLogger(__name__)
 
@@ -56,7 +56,7 @@ class TypeWatch:
                 found[topic] = frozenset(filter(None, map(_type_of_writer, answers)))
 
             handler = self._guarded("The types behind the bridge", answered)
-            self._surveys.append(self._bus.survey(f"/{ros2.bridge_writers(topic)}", handler))
+            self._surveys.append(self._bus.survey(f"/{ros2_names.bridge_writers(topic)}", handler))
 
     def watch_nodes(self, source: str, ros_type: str, domain_id: int) -> None:
         self._expected[source] = ros_type
@@ -65,11 +65,11 @@ class TypeWatch:
         def changed(changes: list[TokenChange]) -> None:
             for change in changes:
                 if change.present:
-                    found[change.key] = ros2.type_of_token(change.key)
+                    found[change.key] = ros2_names.type_of_token(change.key)
                 else:
                     found.pop(change.key, None)
 
-        pattern = ros2.publisher_tokens(domain_id, self._bus.key(source))
+        pattern = ros2_names.publisher_tokens(domain_id, self._bus.key(source))
         self._bus.watch_tokens(f"/{pattern}", self._guarded("The types of nodes", changed))
 
     def warnings(self, now_ns: int) -> dict[str, str]:
@@ -81,7 +81,10 @@ class TypeWatch:
         for source, expected in self._expected.items():
             behind = frozenset[str]().union(*self._behind_bridges.get(source, {}).values())
             # Both kinds of commands are heard natively; one is announced.
-            beside = set(self._tokens.get(source, {}).values()) - {ros2.TWIST, ros2.TWIST_STAMPED}
+            beside = set(self._tokens.get(source, {}).values()) - {
+                ros2_names.TWIST,
+                ros2_names.TWIST_STAMPED,
+            }
             if others := sorted(behind - {expected} | beside):
                 found[source] = self._words(source, expected, others)
         return found
@@ -98,11 +101,11 @@ class TypeWatch:
 
 
 def _remedy(source: str, expected: str, others: list[str]) -> str:
-    if expected == ros2.TWIST and ros2.TWIST_STAMPED in others:
+    if expected == ros2_names.TWIST and ros2_names.TWIST_STAMPED in others:
         return (
             f'Add "{source}" to ros2.stamped_commands and restart yahboomd, or have it send Twist.'
         )
-    if expected == ros2.TWIST_STAMPED and ros2.TWIST in others:
+    if expected == ros2_names.TWIST_STAMPED and ros2_names.TWIST in others:
         return (
             f'Take "{source}" out of ros2.stamped_commands and restart yahboomd, or have it send '
             "TwistStamped."
@@ -112,6 +115,6 @@ def _remedy(source: str, expected: str, others: list[str]) -> str:
 
 def _type_of_writer(answer: bytes) -> str:
     try:
-        return ros2.ros_type_of(msgspec.json.decode(answer, type=_Writer).type_name)
+        return ros2_names.ros_type_of(msgspec.json.decode(answer, type=_Writer).type_name)
     except (ValueError, RecursionError):
         return ""

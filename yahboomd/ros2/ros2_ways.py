@@ -14,18 +14,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-from yahboomd.core.bus import keys
 from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.services import BusQuery, Response
 from yahboomd.core.bus.subscriptions import Arrival
 from yahboomd.core.daemon.publisher import Outlet
 from yahboomd.core.daemon.requests import Answer
-from yahboomd.core.messages import ros2
 from yahboomd.core.messages.codecs import encode_reply, encoding_name
 from yahboomd.core.messages.native import ServiceReply
-from yahboomd.core.messages.rcl_interfaces import ParameterServer
-from yahboomd.core.messages.ros2 import EndpointKind, Node, Qos
 from yahboomd.core.names import is_ros_name
+from yahboomd.ros2 import ros2_topics
+from yahboomd.ros2.messages import ros2_names
+from yahboomd.ros2.messages.rcl_interfaces import ParameterServer
+from yahboomd.ros2.messages.ros2_names import EndpointKind, Node, Qos
 
 NO_QOS = Qos()
 """Services have none; their tokens leave it out."""
@@ -62,7 +62,7 @@ class BridgeWay:
         if not is_ros_name(self._bus.key(key)):
             # No ROS node could call it by this name; its data still flows.
             return
-        token = ros2.bridge_token(
+        token = ros2_names.bridge_token(
             kind,
             zid=self._bus.zid,
             key=self._bus.key(key),
@@ -79,7 +79,7 @@ PARAMETERS_MAX_BYTES = 8192
 """The limit of a request for parameters: a client may ask for all of them by their names, which are
 2 kB. An answer to that takes 10 ms, half a control period."""
 
-_NO_CLIENT = ros2.Attachment(sequence=1, stamp_ns=0, gid=bytes(ros2.GID_BYTES))
+_NO_CLIENT = ros2_names.Attachment(sequence=1, stamp_ns=0, gid=bytes(ros2_names.GID_BYTES))
 """Used if a request has no attachment: its sender is no client of rmw_zenoh's."""
 
 
@@ -113,7 +113,7 @@ class AttachedOutlet:
 
     def put(self, payload: bytes) -> bool:
         self._sequence += 1
-        attached = ros2.attachment(self._sequence, self._wall_ns(), self._gid)
+        attached = ros2_names.attachment(self._sequence, self._wall_ns(), self._gid)
         return self._publisher.put(payload, attached)
 
 
@@ -133,10 +133,10 @@ class NativeWay:
         self._wall_ns = wall_ns
         self._node = Node(domain_id=domain_id, zid=bus.zid, namespace=bus.options.namespace)
         self._entities = 0
-        bus.token(f"/{ros2.node_token(self._node)}")
+        bus.token(f"/{ros2_names.node_token(self._node)}")
 
     def publisher(self, topic: str, ros_type: str, qos: Qos) -> Outlet:
-        if topic == keys.ROS_ROSOUT:
+        if topic == ros2_topics.ROSOUT:
             # The nodes of a graph share one log, across namespaces.
             topic = f"/{topic}"
         publisher = self._bus.publisher(
@@ -144,7 +144,7 @@ class NativeWay:
             encoding=encoding_name(ros_type, "cdr"),
             cache=qos.depth if qos.latched else 0,
         )
-        gid = ros2.gid_of(self._announce("MP", topic, ros_type, qos))
+        gid = ros2_names.gid_of(self._announce("MP", topic, ros_type, qos))
         return AttachedOutlet(publisher, gid, self._wall_ns)
 
     def subscriber(
@@ -205,21 +205,21 @@ class NativeWay:
         return self._respond(request, encode_reply(reply, "cdr"))
 
     def _respond(self, request: BusQuery, payload: bytes) -> Response:
-        asked = ros2.parse_attachment(request.attachment or b"") or _NO_CLIENT
+        asked = ros2_names.parse_attachment(request.attachment or b"") or _NO_CLIENT
         return Response(
             payload=payload,
-            attachment=ros2.attachment(asked.sequence, self._wall_ns(), asked.gid),
+            attachment=ros2_names.attachment(asked.sequence, self._wall_ns(), asked.gid),
         )
 
     def _key(self, topic: str, ros_type: str) -> str:
-        key = ros2.native_key(
+        key = ros2_names.native_key(
             self._node, topic=self._bus.key(topic), ros_type=ros_type, distro=self._distro
         )
         return f"/{key}"
 
     def _announce(self, kind: EndpointKind, topic: str, ros_type: str, qos: Qos) -> str:
         self._entities += 1
-        token = ros2.endpoint_token(
+        token = ros2_names.endpoint_token(
             kind,
             self._node,
             entity=self._entities,

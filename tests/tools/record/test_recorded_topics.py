@@ -8,9 +8,10 @@ import msgspec
 import pytest
 
 from yahboomd.core.config import Config, read
-from yahboomd.core.daemon.key_table import OUTPUTS, ROS_TOPICS
-from yahboomd.core.messages import cdr
+from yahboomd.ros2.messages import ros2_encoders
+from yahboomd.ros2.ros2_topics import ROS_TOPICS
 from yahboomd.tools.record.recorded_topics import Recorded, facts_of, recorded
+from yahboomd.tools.schemas.key_table import OUTPUTS
 
 
 def by_key(*overrides: str) -> dict[str, Recorded]:
@@ -54,7 +55,7 @@ def test_a_message_goes_to_the_channel_of_its_encoding() -> None:
     packed = command.channel(msgspec.msgpack.encode({"vx": 0.5}))
     assert packed is not None
     assert packed == (as_json[0], b'{"vx":0.5}')
-    as_cdr = command.channel(cdr.twist((0.5, 0, 0, 0, 0, 0)))
+    as_cdr = command.channel(ros2_encoders.twist((0.5, 0, 0, 0, 0, 0)))
     assert as_cdr is not None
     assert as_cdr[0].topic == "/cmd_vel"
     assert "Vector3 linear" in as_cdr[0].schema_text

@@ -34,18 +34,10 @@ CONFIG = "yahboomd/config"
 BOARD = "yahboomd/board"
 BLACKBOX_SAVE = "yahboomd/blackbox/save"
 
-ALIVE = "yahboomd/alive"
+READ_ONLY = (CONFIG, BOARD)
+"""The services that change nothing: they answer queries with wildcards, too."""
 
-ROS_ODOM = "odom"
-ROS_TF = "tf"
-ROS_TF_STATIC = "tf_static"
-ROS_JOINT_STATES = "joint_states"
-ROS_IMU = "imu/data"
-ROS_IMU_RAW = "imu/data_raw"
-ROS_BATTERY_STATE = "battery_state"
-ROS_DIAGNOSTICS = "diagnostics"
-ROS_ESTOPPED = "estopped"
-ROS_ROSOUT = "rosout"
+ALIVE = "yahboomd/alive"
 
 
 def full_key(namespace: str, key: str) -> str:

@@ -20,7 +20,11 @@ from yahboomd.core.daemon.stamps import STEP_S, WallStamps
 from yahboomd.core.messages.codecs import NativeEncoding, encoder
 from yahboomd.core.messages.native import (
     BatterySample,
+    EventSample,
+    ImuSample,
+    PoseSample,
     StatusSample,
+    TwistSample,
     WheelsSample,
     event_sample,
     imu_sample,
@@ -95,6 +99,17 @@ class Outlet(Protocol):
     def put(self, payload: bytes) -> bool:
         """Publish one sample."""
 
+
+PUBLISHED: dict[str, type[msgspec.Struct]] = {
+    keys.POSE: PoseSample,
+    keys.TWIST: TwistSample,
+    keys.WHEELS: WheelsSample,
+    keys.IMU: ImuSample,
+    keys.BATTERY: BatterySample,
+    keys.STATUS: StatusSample,
+    keys.EVENTS: EventSample,
+}
+"""The message that is published on each key."""
 
 OpenOutlet = Callable[[str], Outlet]
 

@@ -18,7 +18,6 @@ from yahboomd.core.bus.services import TOO_MANY, BusQuery, Response
 from yahboomd.core.clock import Clock
 from yahboomd.core.daemon.control import Controller
 from yahboomd.core.daemon.estop.latch import EstopLatch
-from yahboomd.core.daemon.key_table import OFFERS
 from yahboomd.core.drive.arbiter import Arbiter
 from yahboomd.core.messages.codecs import (
     Encoding,
@@ -228,12 +227,7 @@ class Services:
             self.offer(bus, key, action)
         for key in keys.SAMPLES:
             bus.serve(key, self._sample, fallback=self._refuse, wildcards=True)
-        bus.serve(
-            keys.BLACKBOX_SAVE,
-            self._save,
-            fallback=self._refuse,
-            wildcards=OFFERS[keys.BLACKBOX_SAVE].wildcards,
-        )
+        bus.serve(keys.BLACKBOX_SAVE, self._save, fallback=self._refuse)
 
     def hear_estop(self, bus: Bus, at: str) -> None:
         """Subscribe to the e-stop's samples on a key."""
@@ -275,7 +269,7 @@ class Services:
             fallback=lambda reason, request: encode(
                 request, ServiceReply(success=False, message=_refusal(reason, request))
             ),
-            wildcards=OFFERS[key].wildcards,
+            wildcards=key in keys.READ_ONLY,
             # A Trigger has no data, so it asks for no release.
             harmless=partial(is_release_attempt, query="Trigger_" not in at) if estop else None,
             # A client that names no target reaches one service that is complete, or all that are

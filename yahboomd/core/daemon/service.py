@@ -21,10 +21,9 @@ from yahboomd.core.daemon.bus_presence import BusPresence
 from yahboomd.core.daemon.commands import ClockWatch, CommandIntake, PoseIntake
 from yahboomd.core.daemon.control import Controller
 from yahboomd.core.daemon.estop.local_stop import LocalStop
-from yahboomd.core.daemon.key_table import OUTPUTS
 from yahboomd.core.daemon.planes import Plane, PlaneRequests, Planes
 from yahboomd.core.daemon.process import Notifier, Signals, open_bus
-from yahboomd.core.daemon.publisher import Publisher
+from yahboomd.core.daemon.publisher import PUBLISHED, Publisher
 from yahboomd.core.daemon.recorders import Recorders
 from yahboomd.core.daemon.requests import Operator, Services
 from yahboomd.core.daemon.stamps import WallStamps
@@ -371,8 +370,5 @@ class Daemon:
     # The bus.
 
     def _open_outlet(self, bus: Bus, key: str) -> BusPublisher:
-        output = OUTPUTS[key]
-        return bus.publisher(
-            key,
-            encoding=encoding_name(output.message, self._config.zenoh.encoding),
-        )
+        encoding = encoding_name(PUBLISHED[key], self._config.zenoh.encoding)
+        return bus.publisher(key, encoding=encoding)

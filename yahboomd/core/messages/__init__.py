@@ -1,5 +1,5 @@
-"""The messages of the bus: native messages, their codecs, and ROS 2's encoding and names.
+"""The messages of the bus: native messages and their codecs.
 
-`native` defines the messages, `codecs` encodes them in JSON and MessagePack, `cdr` and `ros2` for
-ROS 2, and `generate` writes `schemas/`. Pure: invalid input becomes a value, never an exception.
+`native` defines the messages, `codecs` encodes them in JSON and MessagePack, and reads commands in
+ROS 2's encoding, too, with `cdr`. Pure: invalid input becomes a value, never an exception.
 """

@@ -10,22 +10,23 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from yahboomd.core.bus import keys
-from yahboomd.core.daemon.key_table import INPUTS, OUTPUTS, ROS_TOPICS
-from yahboomd.core.messages import ros2
 from yahboomd.core.messages.codecs import encoding_of
-from yahboomd.core.messages.ros2 import Qos
+from yahboomd.ros2 import ros2_topics
+from yahboomd.ros2.messages import ros2_names
+from yahboomd.ros2.messages.ros2_names import Qos
 from yahboomd.tools.record.mcap_files import Channel
 from yahboomd.tools.record.ros_definitions import definition
 from yahboomd.tools.schemas.generate import schema
+from yahboomd.tools.schemas.key_table import INPUTS, OUTPUTS
 
 if TYPE_CHECKING:
     from yahboomd.core.config import Config
 
 RENAMED = {
-    keys.ROS_ODOM: "odom_topic",
-    keys.ROS_JOINT_STATES: "joint_states_topic",
-    keys.ROS_BATTERY_STATE: "battery_state_topic",
-    keys.ROS_DIAGNOSTICS: "diagnostics_topic",
+    ros2_topics.ODOM: "odom_topic",
+    ros2_topics.JOINT_STATES: "joint_states_topic",
+    ros2_topics.BATTERY_STATE: "battery_state_topic",
+    ros2_topics.DIAGNOSTICS: "diagnostics_topic",
 }
 """Topics of ROS 2 with a configurable name, and the key of the name below [ros2]."""
 
@@ -85,7 +86,7 @@ def recorded(config: Config) -> list[Recorded]:
     found = [Recorded(key, key, message=output.message.__name__) for key, output in OUTPUTS.items()]
     for source in config.command.sources:
         stamped = source in config.ros2.stamped_commands
-        ros_type = ros2.TWIST_STAMPED if stamped else ros2.TWIST
+        ros_type = ros2_names.TWIST_STAMPED if stamped else ros2_names.TWIST
         found.append(Recorded(source, source, message="VelocityCommand", ros_type=ros_type))
     estop = INPUTS[keys.ESTOP]
     found.append(
@@ -93,7 +94,7 @@ def recorded(config: Config) -> list[Recorded]:
             keys.ESTOP, keys.ESTOP, message=estop.messages[0].__name__, ros_type=estop.ros_types[0]
         )
     )
-    for name, topic in ROS_TOPICS.items():
+    for name, topic in ros2_topics.ROS_TOPICS.items():
         chosen = getattr(config.ros2, RENAMED[name]) if name in RENAMED else name
         key = _ros_key(config, chosen, topic.ros_type)
         if key:
@@ -107,9 +108,11 @@ def _ros_key(config: Config, topic: str, ros_type: str) -> str:
         return topic
     if not config.ros2.rmw_zenoh:
         return ""
-    node = ros2.Node(domain_id=config.ros2.domain_id, zid="")
+    node = ros2_names.Node(domain_id=config.ros2.domain_id, zid="")
     name = keys.full_key(config.zenoh.namespace, topic)
-    return "/" + ros2.native_key(node, topic=name, ros_type=ros_type, distro=config.ros2.distro)
+    return "/" + ros2_names.native_key(
+        node, topic=name, ros_type=ros_type, distro=config.ros2.distro
+    )
 
 
 def facts_of(config: Mapping[str, Any]) -> dict[str, str]:

@@ -20,12 +20,13 @@ from yahboomd import __version__
 from yahboomd.core.bus import keys
 from yahboomd.core.bus.publishers import PriorityName
 from yahboomd.core.config.outputs import Zenoh
-from yahboomd.core.daemon.key_table import INPUTS, OFFERS, OUTPUTS, ROS_TOPICS, Offer
 from yahboomd.core.messages.codecs import MAX_PAYLOAD_BYTES, MEDIA_TYPES, encoding_name
 from yahboomd.core.messages.native import EventSample, ServiceReply, StatusSample
 from yahboomd.core.messages.status_fields import FIELDS
+from yahboomd.ros2.ros2_topics import ROS_TOPICS
 from yahboomd.tools.schemas import event_samples, move_samples, samples
 from yahboomd.tools.schemas.event_kinds import EVENTS, KINDS
+from yahboomd.tools.schemas.key_table import INPUTS, OFFERS, OUTPUTS, Offer
 
 Json = dict[str, Any]
 
@@ -254,7 +255,7 @@ def _offer(made: _Document, key: str, offer: Offer) -> None:
         requests += made.cdr(offer.ros_type, part="_Request")
         replies += made.cdr(offer.ros_type, part="_Response")
     takes = _takes(cdr=bool(offer.ros_type))
-    zenoh: Json = {"query": True, "wildcards": offer.wildcards, **takes, "reply": _ANSWERS}
+    zenoh: Json = {"query": True, "wildcards": key in keys.READ_ONLY, **takes, "reply": _ANSWERS}
     if key == keys.ESTOP:
         zenoh["target"] = "all"
     made.operation(

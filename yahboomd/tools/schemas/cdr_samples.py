@@ -6,8 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from yahboomd.core.messages import cdr, planar, ros2
-from yahboomd.core.messages.rcl_interfaces import LEVELS, log
+from yahboomd.core.messages import cdr
 from yahboomd.core.model import (
     ImuEstimate,
     ImuReading,
@@ -17,6 +16,8 @@ from yahboomd.core.model import (
     Twist2d,
     Vector3,
 )
+from yahboomd.ros2.messages import planar, ros2_encoders, ros2_names
+from yahboomd.ros2.messages.rcl_interfaces import LEVELS, log
 from yahboomd.tools.schemas.samples import IMU, POSE, STAMP_NS, TWIST, WHEELS
 
 _STAMP = {"sec": 1_700_000_000, "nanosec": 123_456_789}
@@ -60,8 +61,8 @@ def pose_message(stamp_ns: int, frame_id: str, numbers: Sequence[float]) -> byte
         numbers: Position, quaternion, and 36 covariances.
     """
     frame = frame_id.encode()
-    pack = cdr.Layout().add("I", 4, 2).text(frame).add("d", 8, 43).packer()
-    return pack(cdr.HEADER_LE, *cdr.stamp(stamp_ns), len(frame) + 1, frame, *numbers)
+    pack = ros2_encoders.Layout().add("I", 4, 2).text(frame).add("d", 8, 43).packer()
+    return pack(cdr.HEADER_LE, *ros2_encoders.stamp(stamp_ns), len(frame) + 1, frame, *numbers)
 
 
 class CdrSample(NamedTuple):
@@ -115,17 +116,21 @@ def _samples() -> dict[str, CdrSample]:
     numbers = (0.5, 0.0, 0.0, 0.0, 0.0, -0.25)
     done = "The pose was set."
     reply = {"success": True, "message": done}
-    diagnostic = cdr.Diagnostic(0, "yahboomd: link", "All is well.", "board", [("frames", "7")])
+    diagnostic = ros2_encoders.Diagnostic(
+        0, "yahboomd: link", "All is well.", "board", [("frames", "7")]
+    )
     return {
-        "Twist": CdrSample(ros2.TWIST, command, cdr.twist(numbers)),
-        "Twist_big_endian": CdrSample(ros2.TWIST, command, cdr.twist(numbers, big_endian=True)),
+        "Twist": CdrSample(ros2_names.TWIST, command, ros2_encoders.twist(numbers)),
+        "Twist_big_endian": CdrSample(
+            ros2_names.TWIST, command, ros2_encoders.twist(numbers, big_endian=True)
+        ),
         "TwistStamped": CdrSample(
-            ros2.TWIST_STAMPED,
+            ros2_names.TWIST_STAMPED,
             {"header": _header("base_link"), "twist": command},
-            cdr.twist_stamped(STAMP_NS, "base_link", numbers),
+            ros2_encoders.twist_stamped(STAMP_NS, "base_link", numbers),
         ),
         "Odometry": CdrSample(
-            ros2.ODOMETRY,
+            ros2_names.ODOMETRY,
             {
                 "header": _header("odom"),
                 "child_frame_id": "base_link",
@@ -138,7 +143,7 @@ def _samples() -> dict[str, CdrSample]:
             planar.odometry("odom", "base_link")(STAMP_NS, _ESTIMATE),
         ),
         "TFMessage": CdrSample(
-            ros2.TF_MESSAGE,
+            ros2_names.TF_MESSAGE,
             {
                 "transforms": [
                     {
@@ -154,7 +159,7 @@ def _samples() -> dict[str, CdrSample]:
             planar.transform("odom", "base_link")(STAMP_NS, _ESTIMATE.pose),
         ),
         "JointState": CdrSample(
-            ros2.JOINT_STATE,
+            ros2_names.JOINT_STATE,
             {
                 "header": _header(""),
                 "name": ["left_wheel_joint", "right_wheel_joint"],
@@ -162,12 +167,12 @@ def _samples() -> dict[str, CdrSample]:
                 "velocity": [15.5, -3.875],
                 "effort": [],
             },
-            cdr.joint_state("", ("left_wheel_joint", "right_wheel_joint"))(
+            ros2_encoders.joint_state("", ("left_wheel_joint", "right_wheel_joint"))(
                 STAMP_NS, wheels.position_rad, (15.5, -3.875)
             ),
         ),
         "Imu": CdrSample(
-            ros2.IMU,
+            ros2_names.IMU,
             _inertial(
                 *(IMU.theta, [1e6, 0.0, 0.0, 0.0, 1e6, 0.0, 0.0, 0.0, 4e-4]),
                 *((0.0, 0.0, -0.28125), 1e-6 + 1e-8),
@@ -175,12 +180,12 @@ def _samples() -> dict[str, CdrSample]:
             planar.imu("imu_link")(STAMP_NS, _IMU_ESTIMATE),
         ),
         "Imu_raw": CdrSample(
-            ros2.IMU,
+            ros2_names.IMU,
             _inertial(0.0, [-1.0, *[0.0] * 8], IMU.gyro_rad_s, 1e-6),
             planar.imu_raw("imu_link")(STAMP_NS, _IMU_ESTIMATE),
         ),
         "BatteryState": CdrSample(
-            ros2.BATTERY_STATE,
+            ros2_names.BATTERY_STATE,
             {
                 "header": _header("base_link"),
                 "voltage": 11.75,
@@ -194,20 +199,20 @@ def _samples() -> dict[str, CdrSample]:
                 "location": "",
                 "serial_number": "",
             },
-            cdr.battery_state("base_link")(STAMP_NS, 11.75, math.nan),
+            ros2_encoders.battery_state("base_link")(STAMP_NS, 11.75, math.nan),
         ),
         "DiagnosticArray": CdrSample(
-            ros2.DIAGNOSTIC_ARRAY,
+            ros2_names.DIAGNOSTIC_ARRAY,
             {
                 "header": _header(""),
                 "status": [
                     {**diagnostic._asdict(), "values": [{"key": "frames", "value": "7"}]},
                 ],
             },
-            cdr.diagnostics(STAMP_NS, "", [diagnostic]),
+            ros2_encoders.diagnostics(STAMP_NS, "", [diagnostic]),
         ),
         "PoseWithCovarianceStamped": CdrSample(
-            ros2.POSE,
+            ros2_names.POSE,
             {
                 "header": _header("odom"),
                 "pose": place,
@@ -218,31 +223,33 @@ def _samples() -> dict[str, CdrSample]:
                 (*planar.pose(_ESTIMATE.pose), *planar.covariance(pose.covariance)),
             ),
         ),
-        "Bool": CdrSample(ros2.BOOL, {"data": True}, cdr.boolean(True)),
+        "Bool": CdrSample(ros2_names.BOOL, {"data": True}, ros2_encoders.boolean(True)),
         "Log": CdrSample(
-            ros2.LOG,
+            ros2_names.LOG,
             {
                 "stamp": _STAMP,
                 "level": LEVELS["warning"],
-                "name": ros2.NODE,
+                "name": ros2_names.NODE,
                 "msg": done,
                 "file": "",
                 "function": "estop",
                 "line": 0,
             },
-            log(STAMP_NS, LEVELS["warning"], ros2.NODE, done, "estop"),
+            log(STAMP_NS, LEVELS["warning"], ros2_names.NODE, done, "estop"),
         ),
         "Trigger_Request": CdrSample(
-            f"{ros2.TRIGGER}_Request",
+            f"{ros2_names.TRIGGER}_Request",
             {"structure_needs_at_least_one_member": 0},
-            cdr.trigger_request(),
+            ros2_encoders.trigger_request(),
         ),
         "Trigger_Response": CdrSample(
-            f"{ros2.TRIGGER}_Response", reply, cdr.service_response(True, done)
+            f"{ros2_names.TRIGGER}_Response", reply, cdr.service_response(True, done)
         ),
-        "SetBool_Request": CdrSample(f"{ros2.SET_BOOL}_Request", {"data": True}, cdr.boolean(True)),
+        "SetBool_Request": CdrSample(
+            f"{ros2_names.SET_BOOL}_Request", {"data": True}, ros2_encoders.boolean(True)
+        ),
         "SetBool_Response": CdrSample(
-            f"{ros2.SET_BOOL}_Response", reply, cdr.service_response(True, done)
+            f"{ros2_names.SET_BOOL}_Response", reply, cdr.service_response(True, done)
         ),
     }
 

@@ -6,7 +6,7 @@ import msgspec
 
 from yahboomd.client import move_messages
 from yahboomd.client.move_messages import Move, MoveBeat, MoveChoice, MoveRequest, MoveSample
-from yahboomd.core.daemon.key_table import COMMAND, Input, Offer, Output
+from yahboomd.tools.schemas.key_table import COMMAND, Input, Offer, Output
 from yahboomd.tools.schemas.samples import STAMP_NS
 
 ID = "5f1c09ab"

@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import msgspec
 
-from yahboomd.core.messages import cdr
 from yahboomd.core.messages.codecs import Reason
 from yahboomd.core.messages.native import (
     AngularZ,
@@ -28,6 +27,7 @@ from yahboomd.core.messages.native import (
     VelocityCommand,
     WheelsSample,
 )
+from yahboomd.ros2.messages import ros2_encoders
 
 STAMP_NS = 1_700_000_000_123_456_789
 
@@ -138,7 +138,7 @@ class RefusedSample(NamedTuple):
     payload: bytes
 
 
-_TWIST_CDR = cdr.twist((0.5, 0.0, 0.0, 0.0, 0.0, -0.25))
+_TWIST_CDR = ros2_encoders.twist((0.5, 0.0, 0.0, 0.0, 0.0, -0.25))
 
 REFUSED: dict[str, RefusedSample] = {
     "json_without_velocity": RefusedSample("no_velocity", b'{"speed": 1}'),
@@ -151,8 +151,10 @@ REFUSED: dict[str, RefusedSample] = {
     "msgpack_nan": RefusedSample("not_finite", msgspec.msgpack.encode({"vx": math.nan})),
     "msgpack_too_fast": RefusedSample("too_fast", msgspec.msgpack.encode({"wz": -1e39})),
     "msgpack_trailing_byte": RefusedSample("malformed", msgspec.msgpack.encode({"vx": 1}) + b"\0"),
-    "cdr_nan": RefusedSample("not_finite", cdr.twist((math.nan, 0.0, 0.0, 0.0, 0.0, 0.0))),
-    "cdr_too_fast": RefusedSample("too_fast", cdr.twist((1e39, 0.0, 0.0, 0.0, 0.0, 0.0))),
+    "cdr_nan": RefusedSample(
+        "not_finite", ros2_encoders.twist((math.nan, 0.0, 0.0, 0.0, 0.0, 0.0))
+    ),
+    "cdr_too_fast": RefusedSample("too_fast", ros2_encoders.twist((1e39, 0.0, 0.0, 0.0, 0.0, 0.0))),
     "cdr_cut": RefusedSample("malformed", _TWIST_CDR[:-1]),
     "cdr_trailing_byte": RefusedSample("malformed", _TWIST_CDR + b"\0"),
 }

@@ -1,8 +1,6 @@
-"""The keys of the bus: what each carries, in which direction, and with which QoS.
+"""The keys of the bus: what each carries, in which direction, and for what.
 
-The daemon declares these keys, and ``schemas/asyncapi.json`` is made of them. Zenoh delivers
-all samples over reliable links, but drops those that find a connection full: the thread that
-publishes drives the wheels.
+``schemas/asyncapi.json`` is made of this table, and tests compare it with the daemon.
 """
 
 from __future__ import annotations
@@ -10,7 +8,6 @@ from __future__ import annotations
 import msgspec
 
 from yahboomd.core.bus import keys
-from yahboomd.core.messages import ros2
 from yahboomd.core.messages.native import (
     BatterySample,
     EstopRequest,
@@ -24,7 +21,7 @@ from yahboomd.core.messages.native import (
     VelocityCommand,
     WheelsSample,
 )
-from yahboomd.core.messages.ros2 import Qos
+from yahboomd.ros2 import ros2_topics
 
 
 class Output(msgspec.Struct, frozen=True, kw_only=True):
@@ -53,21 +50,11 @@ class Offer(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         request: The payload of the query; None if it needs none.
         ros_type: The ROS 2 type of the service; empty if it has none.
-        wildcards: Whether a query by a key expression with wildcards is answered.
     """
 
     request: type[msgspec.Struct] | None = None
     ros_type: str = ""
     does: str
-    wildcards: bool = False
-
-
-class RosTopic(msgspec.Struct, frozen=True, kw_only=True):
-    """A topic that yahboomd publishes for ROS 2, in CDR."""
-
-    ros_type: str
-    when: str
-    qos: Qos = Qos(depth=10)
 
 
 OUTPUTS: dict[str, Output] = {
@@ -84,7 +71,7 @@ the newest sample."""
 
 COMMAND = Input(
     messages=(VelocityCommand, RosVelocityCommand),
-    ros_types=(ros2.TWIST, ros2.TWIST_STAMPED),
+    ros_types=ros2_topics.COMMAND_TYPES,
     does="drives the robot",
 )
 
@@ -94,13 +81,13 @@ INPUTS: dict[str, Input] = {
     keys.CMD_VEL_WEB: COMMAND,
     keys.ESTOP: Input(
         messages=(EstopRequest,),
-        ros_types=(ros2.BOOL,),
+        ros_types=(ros2_topics.RECEIVED[keys.ESTOP],),
         does="engages the emergency stop, whatever its payload; only a well-formed "
         '`{"engaged": false}` is refused, and a `std_msgs/Bool` that is false changes nothing',
     ),
     keys.ODOMETRY_SET_POSE: Input(
         messages=(SetPoseRequest,),
-        ros_types=(ros2.POSE,),
+        ros_types=(ros2_topics.RECEIVED[keys.ODOMETRY_SET_POSE],),
         does="sets the pose; a ROS 2 message has to be in the frame of the odometry",
     ),
 }
@@ -109,55 +96,21 @@ INPUTS: dict[str, Input] = {
 OFFERS: dict[str, Offer] = {
     keys.ESTOP: Offer(
         request=EstopRequest,
-        ros_type=ros2.SET_BOOL,
+        ros_type=ros2_topics.SERVICES[keys.ESTOP],
         does="engages the emergency stop, and acknowledges that it was sent; "
         "wildcards may stand before the last part of its key",
     ),
     keys.ESTOP_RESET: Offer(
-        ros_type=ros2.TRIGGER,
+        ros_type=ros2_topics.SERVICES[keys.ESTOP_RESET],
         does="releases the emergency stop and clears a fault, "
         "unless a source commanded motion within the last second",
     ),
-    keys.ODOMETRY_RESET: Offer(ros_type=ros2.TRIGGER, does="sets the pose to zero"),
-    keys.ODOMETRY_SET_POSE: Offer(request=SetPoseRequest, does="sets the pose"),
-    keys.CONFIG: Offer(does="returns the configuration in effect", wildcards=True),
-    keys.BOARD: Offer(
-        does="returns the board's answers at connecting: firmware and settings", wildcards=True
+    keys.ODOMETRY_RESET: Offer(
+        ros_type=ros2_topics.SERVICES[keys.ODOMETRY_RESET], does="sets the pose to zero"
     ),
+    keys.ODOMETRY_SET_POSE: Offer(request=SetPoseRequest, does="sets the pose"),
+    keys.CONFIG: Offer(does="returns the configuration in effect"),
+    keys.BOARD: Offer(does="returns the board's answers at connecting: firmware and settings"),
     keys.BLACKBOX_SAVE: Offer(does="saves the black box, at most once a minute"),
 }
 """The services, by key."""
-
-ROS_TOPICS: dict[str, RosTopic] = {
-    keys.ROS_ODOM: RosTopic(ros_type=ros2.ODOMETRY, when="for each new reading"),
-    keys.ROS_TF: RosTopic(
-        ros_type=ros2.TF_MESSAGE, when="for each new reading", qos=Qos(depth=100)
-    ),
-    keys.ROS_TF_STATIC: RosTopic(
-        ros_type=ros2.TF_MESSAGE,
-        when="once; to the bridge, once a second",
-        qos=Qos(latched=True, depth=1),
-    ),
-    keys.ROS_JOINT_STATES: RosTopic(ros_type=ros2.JOINT_STATE, when="for each new reading"),
-    keys.ROS_IMU: RosTopic(
-        ros_type=ros2.IMU, when="for each sample, with orientation and without bias"
-    ),
-    keys.ROS_IMU_RAW: RosTopic(ros_type=ros2.IMU, when="for each sample, as the sensor shows it"),
-    keys.ROS_BATTERY_STATE: RosTopic(
-        ros_type=ros2.BATTERY_STATE,
-        when="for each voltage that the board reports",
-        qos=Qos(latched=True, depth=1),
-    ),
-    keys.ROS_ESTOPPED: RosTopic(
-        ros_type=ros2.BOOL,
-        when="when the emergency stop is engaged or released, and once a second",
-        qos=Qos(latched=True, depth=1),
-    ),
-    keys.ROS_DIAGNOSTICS: RosTopic(
-        ros_type=ros2.DIAGNOSTIC_ARRAY, when="once a second, and when a level changes"
-    ),
-    keys.ROS_ROSOUT: RosTopic(
-        ros_type=ros2.LOG, when="for each event", qos=Qos(latched=True, depth=1000)
-    ),
-}
-"""The topics of ROS 2, by the names that they have unless configured otherwise."""

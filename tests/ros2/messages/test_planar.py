@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.core.messages import planar
 from yahboomd.core.model import OdometryEstimate, Pose2d, Twist2d
+from yahboomd.ros2.messages import planar
 
 COVARIANCE = (1.0, 2.0, 3.0, 2.0, 4.0, 5.0, 3.0, 5.0, 6.0)
 

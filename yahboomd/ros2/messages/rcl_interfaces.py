@@ -10,7 +10,8 @@ import struct
 from collections.abc import Callable, Mapping
 from typing import TypeAlias, TypeVar
 
-from yahboomd.core.messages import cdr, ros2
+from yahboomd.core.messages import cdr
+from yahboomd.ros2.messages import ros2_encoders, ros2_names
 
 Value: TypeAlias = bool | int | float | str | tuple[bool | int | float | str, ...]
 """A parameter's value; the entries of a tuple have one type."""
@@ -35,7 +36,7 @@ def log(stamp_ns: int, level: int, name: str, message: str, function: str) -> by
         name: The logger's, which is the node's.
         function: Shown as its location.
     """
-    out = bytearray(struct.pack("<4s2IB", cdr.HEADER_LE, *cdr.stamp(stamp_ns), level))
+    out = bytearray(struct.pack("<4s2IB", cdr.HEADER_LE, *ros2_encoders.stamp(stamp_ns), level))
     for text in (name, message, "", function):
         cdr.put_text(out, text)
     cdr.put_count(out, 0)
@@ -58,12 +59,12 @@ class ParameterServer:
         self._meanings = meanings
         self._refusal = refusal
         self.services: dict[str, tuple[str, Callable[[bytes], bytes]]] = {
-            "list_parameters": (ros2.LIST_PARAMETERS, self._list),
-            "describe_parameters": (ros2.DESCRIBE_PARAMETERS, self._describe),
-            "get_parameters": (ros2.GET_PARAMETERS, self._get),
-            "get_parameter_types": (ros2.GET_PARAMETER_TYPES, self._types),
-            "set_parameters": (ros2.SET_PARAMETERS, self._set),
-            "set_parameters_atomically": (ros2.SET_ATOMICALLY, self._set_atomically),
+            "list_parameters": (ros2_names.LIST_PARAMETERS, self._list),
+            "describe_parameters": (ros2_names.DESCRIBE_PARAMETERS, self._describe),
+            "get_parameters": (ros2_names.GET_PARAMETERS, self._get),
+            "get_parameter_types": (ros2_names.GET_PARAMETER_TYPES, self._types),
+            "set_parameters": (ros2_names.SET_PARAMETERS, self._set),
+            "set_parameters_atomically": (ros2_names.SET_ATOMICALLY, self._set_atomically),
         }
         """By name below the node's: the type, and what makes a response of a request."""
 

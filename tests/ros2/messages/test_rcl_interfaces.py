@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.core.messages import cdr, ros2
-from yahboomd.core.messages.rcl_interfaces import LEVELS, ParameterServer, log
+from yahboomd.core.messages import cdr
+from yahboomd.ros2.messages import ros2_names
+from yahboomd.ros2.messages.rcl_interfaces import LEVELS, ParameterServer, log
 
 VALUES = {
     "serial.port": "/dev/ttyUSB0",
@@ -143,7 +144,7 @@ def test_whatever_is_asked_is_answered_well_formed(oracle, noise, order, cut):
     for ros_type, respond in server.services.values():
         for request in (
             order + noise,
-            oracle.encode(f"{ros2.SET_PARAMETERS}_Request", wanted)[:cut],
+            oracle.encode(f"{ros2_names.SET_PARAMETERS}_Request", wanted)[:cut],
         ):
             response = respond(request)
             oracle.decode(f"{ros_type}_Response", response)
@@ -171,5 +172,5 @@ def test_a_line_of_the_log_is_read_as_it_was_written(oracle):
             "function": "connected",
             "line": 0,
         }
-        assert oracle.decode(ros2.LOG, payload) == line
-        assert oracle.encode(ros2.LOG, line) == payload
+        assert oracle.decode(ros2_names.LOG, payload) == line
+        assert oracle.encode(ros2_names.LOG, line) == payload

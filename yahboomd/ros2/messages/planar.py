@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from yahboomd.core.messages import cdr
 from yahboomd.core.model import ImuEstimate, Matrix3, OdometryEstimate, Pose2d, Twist2d
+from yahboomd.ros2.messages import ros2_encoders
 
 UNMEASURED = 1e6
 """The variance of axes that wheels cannot measure (z, roll, pitch): large enough that filters give
@@ -62,7 +62,7 @@ def covariance(planar: Matrix3) -> Numbers:
 
 def odometry(frame_id: str, child_frame_id: str) -> Callable[[int, OdometryEstimate], bytes]:
     """An encoder of nav_msgs/msg/Odometry from a stamp (Unix ns) and an estimate."""
-    encoder = cdr.odometry(frame_id, child_frame_id)
+    encoder = ros2_encoders.odometry(frame_id, child_frame_id)
 
     def encode(stamp_ns: int, estimate: OdometryEstimate) -> bytes:
         return encoder(
@@ -78,7 +78,7 @@ def odometry(frame_id: str, child_frame_id: str) -> Callable[[int, OdometryEstim
 
 def transform(frame_id: str, child_frame_id: str) -> Callable[[int, Pose2d], bytes]:
     """An encoder of tf2_msgs/msg/TFMessage with the one transform that odometry gives."""
-    encoder = cdr.transforms([(frame_id, child_frame_id)])
+    encoder = ros2_encoders.transforms([(frame_id, child_frame_id)])
 
     def encode(stamp_ns: int, where: Pose2d) -> bytes:
         return encoder(stamp_ns, (pose(where),))
@@ -95,7 +95,7 @@ def imu_raw(frame_id: str) -> ImuBytes:
 
     They have no orientation: the first element of that covariance is -1.
     """
-    encoder = cdr.imu(frame_id)
+    encoder = ros2_encoders.imu(frame_id)
     nothing = (0.0, 0.0, 0.0, 1.0, -1.0, *[0.0] * 8)
 
     def encode(stamp_ns: int, estimate: ImuEstimate) -> bytes:
@@ -117,7 +117,7 @@ def imu(frame_id: str) -> ImuBytes:
     Yaw is the heading by wheels and gyro, and the rate about z is without its bias. Roll and pitch
     are not measured.
     """
-    encoder = cdr.imu(frame_id)
+    encoder = ros2_encoders.imu(frame_id)
 
     def encode(stamp_ns: int, estimate: ImuEstimate) -> bytes:
         reading, sensor = estimate.reading, estimate.reading.sensor
