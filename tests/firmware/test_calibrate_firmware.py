@@ -17,15 +17,13 @@ from vendor_firmware import LONG, MOTORS, instead_of_simulated, missing, of_all,
 
 from yahboomd.simulation.options import TWO_WHEELS, SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
-from yahboomd.tools.calibrate.wizard import RunOptions
+from yahboomd.tools.calibrate.choices import SquareRuns, TapeRuns
 
 SCALE, RATIO, TRACK = 1.03, 1.01, 1.04
 """The true size of wheels, right over left wheel, and track, each for one as configured."""
 
-TAPE = RunOptions(straight_m=1.0, speed_m_s=0.3, turn_rad_s=2.0, turns=1)
-SQUARES = RunOptions(
-    method="squares", side_m=0.5, count=1, straight_m=1.0, speed_m_s=0.3, turn_rad_s=2.0
-)
+TAPE = TapeRuns(straight_m=1.0, speed_m_s=0.3, turn_rad_s=2.0, turns=1)
+SQUARES = SquareRuns(side_m=0.5, count=1, straight_m=1.0, speed_m_s=0.3, turn_rad_s=2.0)
 RUNS = {"tape": TAPE, "squares": SQUARES} if LONG else {"tape": TAPE}
 TRIED = of_all(MOTORS, every=2, first=2)
 

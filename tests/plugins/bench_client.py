@@ -25,7 +25,8 @@ from yahboomd.core.messages.native import (
     wheels_sample,
 )
 from yahboomd.core.model import Pose2d, Twist2d
-from yahboomd.tools.calibrate.wizard import RunOptions, calibrate
+from yahboomd.tools.calibrate.calibration import calibrate
+from yahboomd.tools.calibrate.choices import SquareRuns, TapeRuns
 from yahboomd.tools.terminal.asking import LargestMove, Number
 
 PERIOD_S = 0.02
@@ -52,6 +53,9 @@ class BenchClient:
 
     async def __aexit__(self, *_: object) -> None:
         assert self._task is not None
+        if self.commanded is not None:
+            self.stop()
+            await self.finished()
         self._task.cancel()
         await asyncio.gather(self._task, return_exceptions=True)
 
@@ -93,6 +97,12 @@ class BenchClient:
         while self.commanded is not None:
             await asyncio.sleep(REPEATS_S)
         return self._repeater.ended in {"time", "stop"}
+
+    async def standing(self) -> bool:
+        async with asyncio.timeout(2.0):
+            while not self._bench.standing:
+                await asyncio.sleep(PERIOD_S)
+        return True
 
     async def samples(self, message: type[WheelsSample], *, depth: int) -> AsyncIterator[Any]:
         del message, depth
@@ -199,21 +209,23 @@ class TapeAndMarks:
         self.facts = facts
 
 
-async def calibrated(bench: RobotBench, options: RunOptions, state: Path) -> TapeAndMarks:
+async def calibrated(
+    bench: RobotBench, choices: TapeRuns | SquareRuns, state: Path
+) -> TapeAndMarks:
     """A whole calibration of the bench's robot, to its end."""
 
     def truth() -> Pose2d:
         bench.robot.advance(bench.clock.now_ns())
         return bench.robot.plant.chassis.pose
 
-    person = TapeAndMarks(truth, options.turns)
+    turns = choices.turns if isinstance(choices, TapeRuns) else 0
+    person = TapeAndMarks(truth, turns)
     async with BenchClient(bench) as client:
-        ended = await calibrate(
+        await calibrate(
             client,  # type: ignore[arg-type]
             Loaded(bench.config, None, calibration_path=state / "calibration.toml"),  # type: ignore[arg-type]
-            options,
+            choices,
             person,
             clock=bench.clock,
         )
-    assert ended == 0
     return person

@@ -20,6 +20,7 @@ from zenoh_fixtures import PATIENCE_S, eventually
 
 from yahboomd.client.connecting import client_options
 from yahboomd.core.clock import SystemClock
+from yahboomd.core.config import read
 from yahboomd.web.entry_tokens import Tokens
 from yahboomd.web.page_files import FOLDER, page_files
 from yahboomd.web.page_hub import PageHub
@@ -146,8 +147,11 @@ class Site:
             f"--set=chassis.calibration_file={state / 'calibration.toml'}",
             f"--set=blackbox.folder={state / 'boxes'}",
         )
+        overrides = [each.removeprefix("--set=") for each in files]
         tools = ToolSettings(
-            robot=(f"--connect={endpoint}", *files), recordings=state / "recordings"
+            robot=(f"--connect={endpoint}", *files),
+            recordings=state / "recordings",
+            load=lambda: read(None, environ={}, overrides=overrides),
         )
         self.hub = PageHub(client_options(endpoint, namespace=namespace), clock, tools)
         application = WebApplication(

@@ -6,7 +6,6 @@ import os
 import signal
 
 import pytest
-from zenoh_fixtures import eventually
 
 from yahboomd.web import child_command
 from yahboomd.web.child_command import Child, output_of
@@ -47,15 +46,3 @@ async def test_a_child_that_does_not_end_is_killed_with_its_group(
     assert os.getpgid(pid) == pid
     os.kill(pid, signal.SIGSTOP)
     assert await child.end() == -signal.SIGKILL
-
-
-async def test_what_a_child_does_not_read_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
-    child = await Child.start(["events", "--connect=tcp/127.0.0.1:1", "--timeout=60"])
-    os.kill(child._process.pid, signal.SIGSTOP)
-    try:
-        await eventually(lambda: not child.write(text="x" * 1000))
-    finally:
-        os.kill(child._process.pid, signal.SIGCONT)
-        monkeypatch.setattr(child_command, "END_S", 0.2)
-        await child.end()
-    assert not child.write(text="x")

@@ -4,24 +4,28 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import json
 import math
-import os
 import signal
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from bench_client import BenchClient
 from real_robot import Process, RealRobot
+from robot_bench import RobotBench
 from web_site import Page, Site
 from websockets.asyncio.client import connect
 from zenoh_fixtures import PATIENCE_S, eventually
 
 from yahboomd.cli.shell import command_tree
+from yahboomd.core.config import Loaded
 from yahboomd.simulation.truth import TruthSample
-from yahboomd.web.page_calibration import FLAGS, RANGES, chosen
+from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.web.page_calibration import FORMS, PageCalibration
 
-pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("web_tools")]
+pytestmark = pytest.mark.xdist_group("web_tools")
 
 QUICK = {"straight": 1, "turns": 1, "speed": 0.4, "turn-speed": 2}
 
@@ -131,6 +135,7 @@ async def started(site: Start, robot: RealRobot) -> tuple[Site, Page, dict[str, 
     return served, page, await question(page, "hold")
 
 
+@pytest.mark.realtime
 async def test_the_robot_moves_while_the_button_is_held_and_not_after(
     site: Start, robot: RealRobot, state: Path
 ) -> None:
@@ -167,6 +172,7 @@ async def test_the_robot_moves_while_the_button_is_held_and_not_after(
     await page.refused("let_go", vx=0.2, vy=0.0, wz=0.0)
 
 
+@pytest.mark.realtime
 async def test_a_whole_calibration_is_written_where_the_robots_daemon_reads_it_and_taken_back(
     site: Start, robot: RealRobot, state: Path
 ) -> None:
@@ -198,6 +204,7 @@ async def test_a_whole_calibration_is_written_where_the_robots_daemon_reads_it_a
     assert not (await use(page, "undo_calibration"))["ok"]
 
 
+@pytest.mark.realtime
 async def test_a_page_that_leaves_in_mid_run_stops_the_robot_and_ends_the_wizard(
     site: Start, robot: RealRobot, state: Path
 ) -> None:
@@ -212,6 +219,7 @@ async def test_a_page_that_leaves_in_mid_run_stops_the_robot_and_ends_the_wizard
     assert not state.exists()
 
 
+@pytest.mark.realtime
 async def test_holds_with_an_old_beat_move_nothing_and_are_refused_with_the_reason(
     site: Start, robot: RealRobot
 ) -> None:
@@ -226,6 +234,7 @@ async def test_holds_with_an_old_beat_move_nothing_and_are_refused_with_the_reas
     assert robot.truth()[-1].travel_m == before.travel_m
 
 
+@pytest.mark.realtime
 async def test_another_page_watches_and_when_it_takes_control_the_wizard_ends(
     site: Start, robot: RealRobot, state: Path
 ) -> None:
@@ -244,7 +253,8 @@ async def test_another_page_watches_and_when_it_takes_control_the_wizard_ends(
     assert not state.exists()
 
 
-async def test_a_server_that_is_killed_in_mid_run_leaves_neither_motion_nor_a_process(
+@pytest.mark.realtime
+async def test_a_server_that_is_killed_in_mid_run_leaves_neither_motion_nor_a_file(
     robot: RealRobot, tmp_path: Path, state: Path
 ) -> None:
     server = Process(
@@ -266,73 +276,15 @@ async def test_a_server_that_is_killed_in_mid_run_leaves_neither_motion_nor_a_pr
         await question(page, "hold")
         thumb = Thumb(page)
         await moving(robot)
-        (child,) = await asyncio.to_thread(_children, server.process.pid)
         server.end(signal.SIGKILL)
         before = robot.truth()[-1]
         stopped = await asyncio.to_thread(robot.settled_truth)
         assert travelled(before, stopped) < STOPS_WITHIN_M
-        await eventually(lambda: not _runs(child))
         await thumb.lift()
     finally:
         server.end(signal.SIGKILL)
         await page.close()
     assert not state.exists()
-
-
-def _children(pid: int) -> list[int]:
-    found = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
-    return [int(each) for each in found]
-
-
-def _runs(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-        return ") Z " not in Path(f"/proc/{pid}/stat").read_text()
-    except OSError:
-        return False
-
-
-def test_what_a_page_may_choose_becomes_options_and_nothing_else_does() -> None:
-    assert chosen("tape", {"straight": 1.5, "turns": 3, "by-hand": True, "dry-run": False}) == [
-        "tape",
-        "--straight=1.5",
-        "--turns=3",
-        "--by-hand",
-    ]
-
-
-@pytest.mark.parametrize(
-    ("verb", "choices"),
-    [
-        ("poses", {}),
-        ("tape --by-hand", {}),
-        (["tape"], {}),
-        (None, {}),
-        ("tape", {"config": "/etc/shadow"}),
-        ("tape", {"--config": 1}),
-        ("tape", {"straight": "1 --by-hand"}),
-        ("tape", {"straight": True}),
-        ("tape", {"straight": float("nan")}),
-        ("tape", {"straight": 1e9}),
-        ("tape", {"straight": -1}),
-        ("tape", {"turns": 1.5}),
-        ("tape", {"by-hand": "yes"}),
-        ("tape", {"by-hand": 1}),
-        ("imu", {"speed": 0.2}),
-    ],
-)
-def test_nothing_else_that_a_page_sends_reaches_a_command_line(verb: Any, choices: Any) -> None:
-    assert chosen(verb, choices) is None
-
-
-def test_every_bound_of_a_choice_is_one_that_the_command_accepts() -> None:
-    from yahboomd.cli.main import whole_parser
-
-    for verb, ranges in RANGES.items():
-        for bounds in zip(*ranges.values(), strict=True):
-            arguments = chosen(verb, dict(zip(ranges, bounds, strict=True)))
-            assert arguments is not None
-            whole_parser().parse_args(["calibrate", *arguments])
 
 
 def test_a_page_may_choose_whatever_the_command_lets_a_person_choose() -> None:
@@ -343,6 +295,209 @@ def test_a_page_may_choose_whatever_the_command_lets_a_person_choose() -> None:
     }
     elsewhere = {"--json", "--source", "--dialogue", "--held", "--help", "-h"}
     of_the_robot = {"--timeout", "--connect", "--namespace", "--config", "--set", "-c"}
-    for verb, ranges in RANGES.items():
-        ours = {f"--{name}" for name in (*ranges, *FLAGS[verb])}
+    for verb, fields in FORMS.items():
+        ours = {f"--{each.name}" for each in fields}
         assert found[verb] - elsewhere - of_the_robot == ours
+
+
+PAGE = 1
+
+
+class Led:
+    """A calibration led by a page, of a robot on virtual time."""
+
+    def __init__(self, bench: RobotBench, client: BenchClient, state: Path) -> None:
+        self.bench = bench
+        self.file = state / "calibration.toml"
+        loaded = Loaded(bench.config, None, calibration_path=self.file)  # type: ignore[arg-type]
+        self.wizard = PageCalibration(
+            bench.clock,
+            lambda: client,  # type: ignore[arg-type, return-value]
+            lambda: loaded,
+            "cmd_vel",
+            changed=lambda: None,
+        )
+
+    @property
+    def shown(self) -> dict[str, Any]:
+        found: dict[str, Any] = json.loads(self.wizard.shown())
+        return found
+
+    @property
+    def question(self) -> dict[str, Any]:
+        return self.shown["question"] or {"id": "", "kind": ""}
+
+    def begin(self, **choices: Any) -> None:
+        assert self.wizard.begin(PAGE, "tape", QUICK | choices) == ""
+
+    async def asked(self, kind: str) -> dict[str, Any]:
+        await self.bench.until(lambda: self.question["kind"] == kind or self.over)
+        assert not self.over, self.shown
+        return self.question
+
+    @property
+    def over(self) -> bool:
+        return self.wizard.page is None
+
+    async def hold(self, until: Callable[[], object]) -> None:
+        """Hold the button of the open question, 20 times a second."""
+        asked = self.question["id"]
+        while not until() and not self.over:
+            self.wizard.hold(PAGE, asked)
+            await asyncio.sleep(0.05)
+
+    def moves(self) -> bool:
+        return max(map(abs, self.bench.rim_speeds)) > 0.1
+
+    async def ended(self) -> None:
+        """It ends, the wheels stand and stay, another source may drive, and nothing is written."""
+        await self.bench.until(lambda: self.over, within_s=5.0)
+        await self.bench.until(lambda: self.bench.standing, within_s=1.0)
+        await asyncio.sleep(1.0)
+        assert self.bench.standing
+        assert self.bench.controller.decision.driver is None
+        await self.bench.drive(1.0, 0.2, source="cmd_vel/teleop")
+        assert self.moves()
+        await self.bench.until(lambda: self.bench.standing)
+        assert not self.file.exists()
+
+
+@contextlib.asynccontextmanager
+async def led(state: Path, client: type[BenchClient] = BenchClient) -> AsyncIterator[Led]:
+    async with RobotBench(state) as bench:
+        await bench.ready()
+        yield Led(bench, client(bench), state)
+
+
+async def _at_once(_: Led) -> None:
+    pass
+
+
+async def _loading(robot: Led) -> None:
+    await asyncio.sleep(0)
+
+
+async def _asked(robot: Led) -> None:
+    await robot.asked("hold")
+
+
+async def _moving(robot: Led) -> None:
+    await robot.asked("hold")
+    await robot.hold(robot.moves)
+
+
+async def _coming_to_rest(robot: Led) -> None:
+    await _moving(robot)
+    robot.wizard.let_go(PAGE)
+
+
+async def _measured(robot: Led) -> None:
+    await robot.asked("hold")
+    await robot.hold(lambda: robot.question["kind"] == "number")
+
+
+MOMENTS = (_at_once, _loading, _asked, _moving, _coming_to_rest, _measured)
+ENDS: dict[str, Callable[[Led], object]] = {
+    "by its button": lambda robot: robot.wizard.end(PAGE),
+    "by control": lambda robot: robot.wizard.control_changed(2),
+    "twice": lambda robot: (robot.wizard.end(), robot.wizard.end()),
+}
+
+
+@pytest.mark.parametrize(
+    ("moment", "way"),
+    [*((each, "by control") for each in MOMENTS), (_moving, "by its button"), (_moving, "twice")],
+)
+@on_virtual_time
+async def test_a_calibration_that_is_ended_at_any_moment_leaves_standing_wheels_and_control_free(
+    tmp_path: Path, moment: Callable[[Led], Awaitable[None]], way: str
+) -> None:
+    async with led(tmp_path) as robot:
+        robot.begin()
+        await moment(robot)
+        ENDS[way](robot)
+        await robot.ended()
+        assert "nothing was written" in robot.shown["refused"]
+        assert robot.wizard.answer(PAGE, "move-1", "1") == "No calibration runs."
+
+
+@on_virtual_time
+async def test_a_page_that_falls_silent_in_mid_run_stops_the_robot_and_is_asked_again(
+    tmp_path: Path,
+) -> None:
+    async with led(tmp_path) as robot:
+        robot.begin()
+        await _moving(robot)
+        held = robot.question["id"]
+        await robot.bench.until(lambda: robot.question["id"] != held, within_s=1.0)
+        await robot.bench.until(lambda: robot.bench.standing, within_s=1.0)
+        assert robot.question["text"].startswith("The button was let go")
+        # Holds of the movement that is over.
+        for _ in range(20):
+            robot.wizard.hold(PAGE, held)
+            await asyncio.sleep(0.05)
+        assert robot.bench.standing
+        robot.wizard.end()
+        await robot.ended()
+
+
+class _FailingClient(BenchClient):
+    """Fails in the middle of a run, as a mistake in the tool would."""
+
+    fails = False
+
+    def newest(self, message: Any) -> Any:
+        if self.fails and self.commanded is not None:
+            raise ZeroDivisionError("a mistake")
+        return super().newest(message)
+
+
+@on_virtual_time
+async def test_a_mistake_in_a_calibration_stops_the_robot_and_ends_nothing_but_itself(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with RobotBench(tmp_path) as bench:
+        await bench.ready()
+        client = _FailingClient(bench)
+        robot = Led(bench, client, tmp_path)
+        robot.begin()
+        await _moving(robot)
+        client.fails = True
+        await robot.ended()
+        assert "ZeroDivisionError: a mistake" in robot.shown["refused"]
+        assert "a mistake" in caplog.text
+        client.fails = False
+        robot.begin()
+        await robot.asked("hold")
+        robot.wizard.end()
+        await robot.wizard.close()
+
+
+@on_virtual_time
+async def test_while_the_result_is_calculated_the_server_serves_pages(tmp_path: Path) -> None:
+    turns = 0
+
+    async def turn() -> None:
+        nonlocal turns
+        while True:
+            turns += 1
+            await asyncio.sleep(0)
+
+    async with led(tmp_path) as robot:
+        robot.begin(**{"dry-run": True})
+        for name in ("length", "left", "beyond", "beyond"):
+            await robot.bench.until(lambda: robot.question["id"])
+            await robot.hold(lambda: robot.question["kind"] == "number")
+            asked = robot.question
+            assert asked["name"] == name
+            turns = 0
+            serving = asyncio.create_task(turn())
+            robot.wizard.answer(PAGE, asked["id"], {"length": "1.0"}.get(name, "0"))
+            while robot.question == asked and not robot.shown["result"]:
+                await asyncio.sleep(0)
+            serving.cancel()
+        # Those of the calculation, in this test alone.
+        assert turns > 20
+        await robot.bench.until(lambda: robot.over)
+        assert robot.shown["refused"] == ""
+        assert robot.shown["said"] == ["A dry run: nothing was written."]

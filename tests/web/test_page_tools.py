@@ -12,7 +12,9 @@ from real_robot import RealRobot
 from web_site import Site
 from zenoh_fixtures import eventually, free_endpoint
 
+from yahboomd.client import connect
 from yahboomd.core.clock import SystemClock
+from yahboomd.core.config import read
 from yahboomd.web.page_frames import Tool
 from yahboomd.web.page_tools import PageTools, ToolSettings
 
@@ -37,8 +39,8 @@ from yahboomd.web.page_tools import PageTools, ToolSettings
 async def test_what_makes_no_sense_is_refused_in_words(
     tmp_path: Path, do: str, args: dict[str, Any]
 ) -> None:
-    settings = ToolSettings(robot=(), recordings=tmp_path)
-    tools = PageTools(SystemClock(), settings, "cmd_vel/web", lambda _: None)
+    settings = ToolSettings(robot=(), recordings=tmp_path, load=lambda: read(None, environ={}))
+    tools = PageTools(SystemClock(), settings, "cmd_vel/web", lambda _: None, connect)
     done, words = await tools.use(1, Tool(id=1, do=do, args=args))
     assert not done
     assert words.endswith(".")

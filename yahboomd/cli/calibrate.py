@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import argparse
+import asyncio
 import contextlib
 import math
+import signal
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from yahboomd.cli.shared_options import add_source_option, check_source, number
-from yahboomd.core.errors import ConfigError, Refused, YahboomdError
+from yahboomd.core.bus.keys import CMD_VEL
+from yahboomd.core.errors import ConfigError, YahboomdError
+from yahboomd.tools.calibrate.choices import CALIBRATIONS, fields_of
 
 if TYPE_CHECKING:
     from yahboomd.client import AsyncRobot
@@ -43,20 +47,8 @@ exit status:
   130  Ctrl-C; the robot was stopped and nothing was written
 """
 
-RUNS = {
-    "method": "verb",
-    "straight_m": "straight",
-    "speed_m_s": "speed",
-    "turn_rad_s": "turn_speed",
-    "turns": "turns",
-    "sideways_m": "sideways",
-    "side_m": "side",
-    "count": "count",
-    "by_hand": "by_hand",
-    "dry_run": "dry_run",
-    "source": "source",
-}
-"""The option for each field of ``RunOptions``."""
+METAVARS = {"m": "M", "m/s": "M_PER_S", "rad/s": "RAD_PER_S", "": "N"}
+"""The stand-in for a number with this unit."""
 
 _positive = number("a number above 0", lambda value: math.isfinite(value) and value > 0.0)
 _whole = number("a whole number from 1 to 50", lambda n: n in range(1, 51))
@@ -84,20 +76,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="squares in both directions and a straight: the ratio of the wheels too",
         description="Squares in both directions, then a straight. Fitted jointly over all counts.",
     )
-    _add_size(tape, "turns", "N", 5, "turns in place each way")
-    _add_size(tape, "sideways", "M", 1.0, "of a mecanum base: way to the left, then to the right")
-    _add_size(squares, "side", "M", 2.0, "of a square")
-    _add_size(squares, "count", "N", 5, "squares each way")
-    for each, metres in ((tape, 2.0), (squares, 5.0)):
-        _add_size(each, "straight", "M", metres, "length of the straight run, metres")
-        _add_size(each, "speed", "M_PER_S", 0.2)
-        _add_size(each, "turn-speed", "RAD_PER_S", 0.8)
-        each.add_argument(
-            "--by-hand",
-            action="store_true",
-            help="drive nothing: you push the robot, or drive it from elsewhere",
-        )
-        _add_result_options(each)
+    for verb, each in (("tape", tape), ("squares", squares)):
+        _add_choices(each, verb)
+        _add_json_option(each)
         add_source_option(each, "cmd_vel")
         _add_dialogue_option(each)
         each.add_argument(
@@ -122,7 +103,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         nargs=2,
         help="of the transform, if the topic carries transforms, such as map laser",
     )
-    _add_result_options(poses)
+    poses.add_argument("--dry-run", action="store_true", help="print the result, write nothing")
+    _add_json_option(poses)
     add_config_options(poses)
     imu = verbs.add_parser(
         "imu",
@@ -130,7 +112,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         description="You turn the robot by hand. Prints the section [imu] of the configuration; "
         "drives nothing and writes nothing.",
     )
-    _add_size(imu, "turns", "N", 5, "to the left")
+    _add_choices(imu, "imu")
     _add_dialogue_option(imu)
     add_robot_options(imu)
     undo = verbs.add_parser(
@@ -141,20 +123,22 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_config_options(undo)
 
 
-def _add_size(
-    parser: argparse.ArgumentParser, name: str, metavar: str, default: float, words: str = ""
-) -> None:
-    parser.add_argument(
-        f"--{name}",
-        metavar=metavar,
-        type=_count if metavar == "N" else _positive,
-        default=default,
-        help=f"{words} (default: %(default)s)".lstrip(),
-    )
+def _add_choices(parser: argparse.ArgumentParser, verb: str) -> None:
+    """Add an option for each choice of a calibration."""
+    for each in fields_of(CALIBRATIONS[verb]):
+        if each.least is None:
+            parser.add_argument(f"--{each.name}", action="store_true", help=each.words)
+            continue
+        parser.add_argument(
+            f"--{each.name}",
+            metavar=METAVARS[each.unit],
+            type=_count if each.whole else _positive,
+            default=each.default,
+            help=f"{each.words}{each.unit and f', {each.unit}'} (default: %(default)s)",
+        )
 
 
-def _add_result_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--dry-run", action="store_true", help="print the result, write nothing")
+def _add_json_option(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print the result as one line of JSON")
 
 
@@ -181,142 +165,66 @@ def run(args: argparse.Namespace) -> int:
 
 def _run(args: argparse.Namespace) -> int:
     from yahboomd.cli.shared_options import read_config
+    from yahboomd.tools.calibrate import calibration
+    from yahboomd.tools.terminal.asking import Answers
 
     loaded = read_config(args)
     if args.verb == "undo":
-        return _undo(loaded)
-    if args.verb == "imu":
-        return _by_hand(loaded, args)
-    # Imported first, so that a missing extra is reported before the robot moves.
-    import numpy  # noqa: F401
-
+        print(calibration.undo(loaded))
+        return 0
     if args.verb == "poses":
-        return _by_poses(loaded, args)
+        work = calibration.calibrate_by_poses(
+            loaded,
+            args.bags,
+            Answers(as_json=args.json),
+            topic=args.topic,
+            frames=tuple(args.frames) if args.frames else None,
+            dry_run=args.dry_run,
+        )
+        asyncio.run(work)
+        return 0
+    return _with_person(args, loaded)
 
-    import msgspec
 
+def _with_person(args: argparse.Namespace, loaded: Loaded) -> int:
     from yahboomd.cli.attended import attend
+    from yahboomd.core.clock import SystemClock
     from yahboomd.core.daemon.process import deadly
-    from yahboomd.tools.calibrate.calibration_writing import check_writable
-    from yahboomd.tools.calibrate.wizard import RunOptions, calibrate
+    from yahboomd.tools.calibrate.calibration import calibrate, ended
+    from yahboomd.tools.calibrate.dialogue import Dialogue, lead_by_lines, write_line
+    from yahboomd.tools.calibrate.hold import HeldButton
+    from yahboomd.tools.terminal.asking import Answers
 
-    check_source(args)
-    if args.held and not args.dialogue:
-        raise ConfigError("--held needs --dialogue json: the button is that of a program.")
-
-    if not args.dry_run and loaded.calibration_path is not None:
-        check_writable(loaded.calibration_path)
-
-    given = {
-        field: getattr(args, option) for field, option in RUNS.items() if hasattr(args, option)
-    }
-    options = msgspec.convert(given, RunOptions)
+    kind = CALIBRATIONS[args.verb]
+    names = {each.field: each.name.replace("-", "_") for each in fields_of(kind)}
+    choices = kind(**{field: getattr(args, name) for field, name in names.items()})
+    drives = args.verb != "imu"
+    if drives:
+        check_source(args)
+        if args.held and not args.dialogue:
+            raise ConfigError("--held needs --dialogue json: the button is that of a program.")
+    source = args.source if drives else CMD_VEL
 
     async def work(robot: AsyncRobot) -> int:
-        import asyncio
-
         try:
-            return await lead(robot)
+            await lead(robot)
         except asyncio.CancelledError:
-            words = await _ended(robot, drove=not args.by_hand)
+            words = await ended(robot, choices)
             # The terminal may be gone.
             with contextlib.suppress(OSError):
                 print(words, file=sys.stderr)
             raise
-
-    async def lead(robot: AsyncRobot) -> int:
-        if not args.dialogue:
-            from yahboomd.tools.terminal.asking import Answers
-
-            return await calibrate(robot, loaded, options, Answers(as_json=args.json))
-        from yahboomd.core.clock import SystemClock
-        from yahboomd.tools.calibrate.dialogue import Dialogue
-        from yahboomd.tools.calibrate.hold import HeldButton
-
-        hold = HeldButton(SystemClock(), robot.stop) if args.held else None
-        dialogue = Dialogue(hold)
-        return await dialogue.lead(calibrate(robot, loaded, options, dialogue, hold))
-
-    import signal
-
-    return attend(args, work, source=args.source, signals=(*deadly(), signal.SIGTSTP))
-
-
-async def _ended(robot: AsyncRobot, *, drove: bool) -> str:
-    """Stop the robot and watch it stand; returns the outcome in words."""
-    if not drove:
-        return "Ended: nothing was driven, and nothing was written."
-    robot.stop()
-    if await robot.standing():
-        return "Ended: the wheels were stopped and stand; nothing was written."
-    return (
-        "Ended: a stop was sent, but the wheels were not seen to stand. Look at them, or run "
-        "`yahboomd stop`. Nothing was written."
-    )
-
-
-def _undo(loaded: Loaded) -> int:
-    from yahboomd.tools.calibrate.calibration_writing import undo_calibration
-
-    path = loaded.calibration_path
-    if path is None or not undo_calibration(path):
-        raise Refused(f"There is no calibration to take back in {path or 'any state directory'}.")
-    print(f"Taken back in {path}. The daemon reads it when it starts.")
-    return 0
-
-
-def _by_hand(loaded: Loaded, args: argparse.Namespace) -> int:
-    from yahboomd.cli.attended import attend
-    from yahboomd.client import ImuSample
-    from yahboomd.tools.calibrate.dialogue import Dialogue
-    from yahboomd.tools.calibrate.imu_by_hand import show_mounted, turn_by_hand
-    from yahboomd.tools.calibrate.wizard import config_of
-    from yahboomd.tools.terminal.asking import Answers
-
-    async def ask(robot: AsyncRobot, person: Answers | Dialogue) -> int:
-        config = await config_of(robot, loaded)
-        found = await turn_by_hand(
-            lambda: robot.samples(ImuSample, depth=1024), person, config, args.turns
-        )
-        show_mounted(found, config, person)
         return 0
 
-    async def work(robot: AsyncRobot) -> int:
+    async def lead(robot: AsyncRobot) -> None:
         if not args.dialogue:
-            return await ask(robot, Answers())
-        dialogue = Dialogue(None)
-        return await dialogue.lead(ask(robot, dialogue))
+            person = Answers(as_json=drives and args.json)
+            await calibrate(robot, loaded, choices, person, source=source)
+            return
+        clock = SystemClock()
+        hold = HeldButton(clock, robot.stop) if drives and args.held else None
+        dialogue = Dialogue(write_line, clock, hold)
+        asking = calibrate(robot, loaded, choices, dialogue, hold, source=source)
+        await lead_by_lines(dialogue, asking)
 
-    return attend(args, work)
-
-
-def _by_poses(loaded: Loaded, args: argparse.Namespace) -> int:
-    from yahboomd.tools.calibrate.estimates.least_squares import Unseen
-    from yahboomd.tools.calibrate.estimates.sensor import fit_to_sensor
-    from yahboomd.tools.calibrate.estimates.verdict import unseen
-    from yahboomd.tools.calibrate.recorded_poses import tracks
-    from yahboomd.tools.calibrate.result import conclude
-    from yahboomd.tools.terminal.asking import Answers
-
-    config = loaded.config
-    if config.kinematics().holonomic:
-        raise Refused("A mecanum base is calibrated by tape: `yahboomd calibrate tape`")
-    frames = tuple(args.frames) if args.frames else None
-    recorded = tracks(args.bags, config, topic=args.topic, frames=frames)
-    try:
-        found, mounting = fit_to_sensor(recorded)
-    except Unseen as error:
-        raise Refused(f"Nothing was written. {unseen(error)}") from error
-    print(
-        f"The sensor sits {mounting.x:.3f} m ahead and {mounting.y:.3f} m to the left of the "
-        f"axle's middle, turned {math.degrees(mounting.heading):.2f}\N{DEGREE SIGN} to the left.",
-        file=sys.stderr,
-    )
-    return conclude(
-        found,
-        config,
-        loaded.calibration_path,
-        method=f"poses of {args.topic}",
-        dry_run=args.dry_run,
-        person=Answers(as_json=args.json),
-    )
+    return attend(args, work, source=source, signals=(*deadly(), signal.SIGTSTP))

@@ -144,7 +144,7 @@ def run(args: argparse.Namespace) -> int:
     check_source(args)
     loaded = read_config(args)
     if loaded.path is not None and loaded.path.parent == SERVICES:
-        # Commands that pages start use the directory of the robot's service, not of the page's.
+        # Tools that pages use work in the directory of the robot's service, not of the page's.
         os.environ.pop("STATE_DIRECTORY", None)
     setup = _Setup(
         place=place,
@@ -154,7 +154,11 @@ def run(args: argparse.Namespace) -> int:
         folder=folder,
         options=client_options(daemon_endpoints(args, loaded.config), loaded.config),
         source=args.source,
-        tools=ToolSettings(robot=robot_arguments(args), recordings=folder / "recordings"),
+        tools=ToolSettings(
+            robot=robot_arguments(args),
+            recordings=folder / "recordings",
+            load=lambda: read_config(args),
+        ),
     )
     return asyncio.run(_serve(setup))
 

@@ -19,9 +19,6 @@ from typing import Any
 END_S = 8.0
 """The time for a child to stop its robot, or to finish its files, before it is killed."""
 
-UNREAD_BYTES = 4096
-"""The most bytes queued here for a child that does not read, besides its pipe."""
-
 LINE_BYTES = 1 << 20
 
 LAST_WORDS = 20
@@ -70,15 +67,6 @@ class Child:
                     found = json.loads(line)
                     if isinstance(found, dict):
                         yield found
-
-    def write(self, **message: object) -> bool:
-        """Write one line; False if it is dropped because the child does not read."""
-        stdin = self._process.stdin
-        assert stdin is not None
-        if stdin.is_closing() or stdin.transport.get_write_buffer_size() > UNREAD_BYTES:
-            return False
-        stdin.write(json.dumps(message).encode() + b"\n")
-        return True
 
     def close_input(self) -> None:
         """Ask it to end."""

@@ -1,90 +1,96 @@
-"""Calibrating from a page: one wizard at a time, led by the page in control.
+"""Calibrating from a page: one calibration at a time, led by the page in control.
 
-The wizard is ``yahboomd calibrate --dialogue json --held`` in a process of its own. It moves the
-robot only while holds come. Each hold is passed on with the time of its arrival, unless its beat is
-too old, so a delayed hold never moves the robot. When the page loses control or leaves, the wizard
-ends.
+It is a task of the server, on a session of its own with the robot, and moves the robot only while
+holds come. Each hold counts from its arrival, unless its beat is too old, so a delayed hold never
+moves the robot. When the page loses control or leaves, the task is cancelled, which stops the
+robot. An error in it ends the calibration and nothing else.
 """
 
 from __future__ import annotations
 
 import asyncio
-import math
-from collections.abc import Callable, Mapping, Sequence
+import logging
+from collections.abc import Callable, Mapping
 from typing import Any
 
+from yahboomd.client import AsyncRobot
 from yahboomd.core.clock import Clock
-from yahboomd.web.child_command import Child, output_of
+from yahboomd.core.config import Loaded
+from yahboomd.core.errors import YahboomdError
+from yahboomd.tools.calibrate.calibration import calibrate, ended, undo
+from yahboomd.tools.calibrate.choices import CALIBRATIONS, Choices, fields_of, read_choices
+from yahboomd.tools.calibrate.dialogue import (
+    AskedQuestion,
+    Dialogue,
+    MovedSoFar,
+    SaidWords,
+    ShownResult,
+    Told,
+)
+from yahboomd.tools.calibrate.hold import HeldButton
 from yahboomd.web.page_frames import part
 
+log = logging.getLogger("yahboomd.web")
+
 SAID = 6
-"""The number of the wizard's sentences that are shown at once."""
+"""The number of the calibration's sentences that are shown at once."""
 
 ANSWER_CHARACTERS = 40
 
-RANGES: Mapping[str, Mapping[str, tuple[float, float]]] = {
-    "tape": {
-        "straight": (0.2, 20.0),
-        "turns": (1, 50),
-        "sideways": (0.2, 5.0),
-        "speed": (0.02, 1.0),
-        "turn-speed": (0.1, 3.0),
-    },
-    "squares": {
-        "side": (0.2, 10.0),
-        "count": (1, 50),
-        "straight": (0.2, 20.0),
-        "speed": (0.02, 1.0),
-        "turn-speed": (0.1, 3.0),
-    },
-    "imu": {"turns": (1, 50)},
-}
-"""The numbers that a page may choose, with their bounds: metres, m/s, rad/s, and whole numbers."""
-
-WHOLE = frozenset({"turns", "count"})
-
-FLAGS: Mapping[str, frozenset[str]] = {
-    "tape": frozenset({"by-hand", "dry-run"}),
-    "squares": frozenset({"by-hand", "dry-run"}),
-    "imu": frozenset(),
-}
+FORMS = {verb: fields_of(choices) for verb, choices in CALIBRATIONS.items()}
+"""The fields of each calibration's form."""
 
 RUNNING = "A calibration runs already. End it first."
 NONE = "No calibration runs."
 NOT_YOURS = "Another page leads the calibration."
+UNKNOWN = "That calibration does not exist, or a number is out of its range."
+ENDED = "The calibration was ended: nothing was written."
 
 
 class PageCalibration:
-    """The calibration that a page leads, and what pages see of it."""
+    """The calibration that a page leads, and what pages see of it.
+
+    Args:
+        robot: Makes the client that drives.
+        load: Reads the configuration of the robot's machine.
+        source: The key on which the robot is driven.
+        changed: Called when pages see something new.
+    """
 
     def __init__(
-        self, clock: Clock, robot: Sequence[str], source: str, changed: Callable[[], None]
+        self,
+        clock: Clock,
+        robot: Callable[[], AsyncRobot],
+        load: Callable[[], Loaded],
+        source: str,
+        *,
+        changed: Callable[[], None],
     ) -> None:
         self._clock = clock
-        self._robot = tuple(robot)
+        self._make_robot = robot
+        self._load = load
         self._source = source
         self._changed = changed
-        self._child: Child | None = None
+        self._dialogue: Dialogue | None = None
         self._task: asyncio.Task[None] | None = None
-        self._ending = False
         self._page: int | None = None
         self._verb = ""
         self._clear()
 
     def _clear(self) -> None:
-        self._question: dict[str, Any] | None = None
-        self._progress: dict[str, Any] | None = None
+        self._question: AskedQuestion | None = None
+        self._progress: MovedSoFar | None = None
         self._said: list[str] = []
         self._result: dict[str, Any] | None = None
         self._refused = ""
 
     @property
     def page(self) -> int | None:
-        """The page that leads; None while no wizard runs."""
+        """The page that leads; None while no calibration runs."""
         return self._page
 
     def shown(self) -> bytes:
-        """The wizard as pages show it."""
+        """The calibration as pages show it."""
         return part(
             "calibration",
             page=self._page,
@@ -96,50 +102,58 @@ class PageCalibration:
             refused=self._refused,
         )
 
-    def begin(self, page: int, verb: object, choices: Mapping[str, Any]) -> str:
-        """Start a wizard for a page; returns the reason if it is refused, else an empty text."""
+    def begin(self, page: int, verb: object, given: Mapping[str, Any]) -> str:
+        """Start a calibration for a page; returns the reason if it is refused, or empty."""
         if self._task is not None:
             return RUNNING
-        arguments = chosen(verb, choices)
-        if arguments is None:
-            return "That calibration does not exist, or a number is out of its range."
-        if verb != "imu":
-            arguments += ["--held", f"--source={self._source}"]
+        if (choices := read_choices(verb, given)) is None:
+            return UNKNOWN
         self._clear()
-        self._page, self._verb, self._ending = page, str(verb), False
-        command = ["calibrate", *arguments, "--dialogue=json", *self._robot]
-        self._task = asyncio.create_task(self._lead(command), name="web-calibration")
+        self._page, self._verb = page, str(verb)
+        self._task = asyncio.create_task(self._lead(choices), name="web-calibration")
+        # Not in the task itself, which a cancellation may end before it begins.
+        self._task.add_done_callback(self._over)
         self._changed()
         return ""
 
-    async def _lead(self, command: Sequence[str]) -> None:
-        child: Child | None = None
-        try:
-            child = self._child = await Child.start(command)
-            if self._ending:
-                child.close_input()
-            async for line in child.lines():
-                self._receive(line)
-        finally:
-            self._child = None
-            status = await asyncio.shield(child.end()) if child is not None else 1
-            if status and child is not None and not self._refused:
-                self._refused = child.last_words or "The calibration ended; nothing was written."
-            self._page = self._question = self._progress = self._task = None
-            self._changed()
+    async def _lead(self, choices: Choices) -> None:
+        loaded = await asyncio.to_thread(self._load)
+        async with self._make_robot() as robot:
+            hold = HeldButton(self._clock, robot.stop)
+            self._dialogue = dialogue = Dialogue(self._tell, self._clock, hold)
+            try:
+                await calibrate(
+                    robot, loaded, choices, dialogue, hold, source=self._source, clock=self._clock
+                )
+            except asyncio.CancelledError:
+                self._refused = await ended(robot, choices)
+                raise
 
-    def _receive(self, line: dict[str, Any]) -> None:
-        match line:
-            case {"type": "question"}:
-                self._question, self._progress = line, None
-            case {"type": "progress"}:
-                self._progress = line
-            case {"type": "say", "text": str(text)}:
-                self._said = [*self._said, text][-SAID:]
-            case {"type": "result", "text": str(text), "facts": dict(facts)}:
-                self._result = {"text": text, "written": facts.get("written")}
-            case {"type": "refused", "text": str(text)}:
-                self._refused = text
+    def _over(self, task: asyncio.Task[None]) -> None:
+        self._page = self._question = self._progress = self._task = self._dialogue = None
+        if task.cancelled():
+            written = self._result is not None and self._result["written"]
+            self._refused = "" if written else self._refused or ENDED
+        elif isinstance(error := task.exception(), YahboomdError):
+            self._refused = str(error)
+        elif error is not None:
+            log.error("A calibration failed by a mistake of yahboomd.", exc_info=error)
+            self._refused = (
+                f"The calibration failed by a mistake of yahboomd ({type(error).__name__}: "
+                f"{error}). The robot was stopped. The log of `yahboomd web` has the details."
+            )
+        self._changed()
+
+    def _tell(self, told: Told) -> None:
+        match told:
+            case AskedQuestion():
+                self._question, self._progress = told, None
+            case MovedSoFar():
+                self._progress = told
+            case SaidWords():
+                self._said = [*self._said, told.text][-SAID:]
+            case ShownResult():
+                self._result = {"text": told.text, "written": told.facts.get("written")}
         self._changed()
 
     def answer(self, page: int, question: object, text: object) -> str:
@@ -150,24 +164,25 @@ class PageCalibration:
             return "That is no answer."
         if len(text) > ANSWER_CHARACTERS:
             return f"An answer has at most {ANSWER_CHARACTERS} characters."
-        if self._question is None or question != self._question.get("id"):
+        if self._dialogue is None or not self._dialogue.answer(question, text):
             return "That question is no longer open."
-        return "" if self._write(type="answer", id=question, text=text) else NONE
+        return ""
 
     def hold(self, page: int, question: str) -> str:
-        """Pass on that the button is held now; returns the reason if it is refused, or empty."""
+        """Note that the button is held now; returns the reason if it is refused, or empty."""
         if refusal := self._not_led_by(page):
             return refusal
-        self._write(type="hold", id=question[:100], at_ns=self._clock.now_ns())
+        if self._dialogue is not None:
+            self._dialogue.press(question, self._clock.now_ns())
         return ""
 
     def let_go(self, page: int) -> None:
-        """Pass on that the button was released."""
-        if page == self._page:
-            self._write(type="release")
+        """Note that the button was released."""
+        if page == self._page and self._dialogue is not None:
+            self._dialogue.release()
 
     def end(self, page: int | None = None) -> str:
-        """Stop the robot, then end the wizard; returns the reason if it is refused, or empty.
+        """Stop the robot, then end the calibration; returns the reason if it is refused, or empty.
 
         Args:
             page: The page that asks; None: the server.
@@ -176,15 +191,17 @@ class PageCalibration:
             return refusal
         if self._task is None:
             return NONE
-        self._ending = True
-        self._write(type="release")
-        self._write(type="abort")
-        if self._child is not None:
-            self._child.close_input()
+        if self._dialogue is not None:
+            self._dialogue.release()
+        self._question = self._progress = None
+        # A second one would cut short the wait for the wheels to stand.
+        if not self._task.cancelling():
+            self._task.cancel()
+        self._changed()
         return ""
 
     def control_changed(self, driver: int | None) -> None:
-        """End the wizard if its page no longer has control."""
+        """End the calibration if its page no longer has control."""
         if self._page is not None and self._page != driver:
             self.end()
 
@@ -199,39 +216,12 @@ class PageCalibration:
         """Undo the newest calibration. Returns whether it was done, and a sentence for people."""
         if self._task is not None:
             return False, RUNNING
-        # The command needs no daemon.
-        config = [it for it in self._robot if not it.startswith(("--connect=", "--namespace="))]
-        status, printed, last_words = await output_of(["calibrate", "undo", *config])
-        return status == 0, (printed or last_words).strip()
+        try:
+            return True, await asyncio.to_thread(lambda: undo(self._load()))
+        except YahboomdError as error:
+            return False, str(error)
 
     def _not_led_by(self, page: int) -> str:
         if self._page is None:
             return NONE
         return "" if page == self._page else NOT_YOURS
-
-    def _write(self, **message: object) -> bool:
-        return self._child is not None and self._child.write(**message)
-
-
-def chosen(verb: object, choices: Mapping[str, Any]) -> list[str] | None:
-    """The verb and its options; None if a page may not choose them."""
-    if not isinstance(verb, str) or verb not in RANGES:
-        return None
-    arguments = [verb]
-    for name, value in choices.items():
-        if name in FLAGS[verb]:
-            if not isinstance(value, bool):
-                return None
-            arguments += [f"--{name}"] * value
-        elif name in RANGES[verb]:
-            least, most = RANGES[verb][name]
-            if isinstance(value, bool) or not isinstance(value, int | float):
-                return None
-            if not (math.isfinite(value) and least <= value <= most):
-                return None
-            if name in WHOLE and value != int(value):
-                return None
-            arguments.append(f"--{name}={value:g}")
-        else:
-            return None
-    return arguments

@@ -9,6 +9,7 @@ from collections.abc import Awaitable, Callable, Coroutine, Mapping
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from yahboomd import __version__
+from yahboomd.client import AsyncRobot
 from yahboomd.client.questions import Answer
 from yahboomd.core.bus import keys
 from yahboomd.core.bus.options import BusOptions
@@ -17,6 +18,7 @@ from yahboomd.core.messages.codecs import encode
 from yahboomd.core.messages.native import EventSample
 from yahboomd.core.model import Twist2d, velocity_problem
 from yahboomd.web.beats import LAPSE_NS, PERIOD_NS, Beats
+from yahboomd.web.page_calibration import FORMS
 from yahboomd.web.page_commands import LATE, NOT_YOURS, Aim, PageCommands, PageRefusal, Wanted
 from yahboomd.web.page_frames import (
     Control,
@@ -59,6 +61,9 @@ REFUSALS_NS = 200_000_000
 
 POLICY, FULL = 1008, 1013
 """Codes of a closed WebSocket: the page broke a rule; too many pages."""
+
+CALIBRATION = "yahboomd calibrate"
+"""Who commands during a calibration, for people."""
 
 VIEWS = ("drive", "map", "wheels", "health", "calibrate", "record", "boxes")
 
@@ -104,7 +109,13 @@ class PageHub:
             changed=self._show_control,
             lapsed=self._lapsed,
         )
-        self.tools = PageTools(clock, settings, source, self._show)
+        self.tools = PageTools(
+            clock,
+            settings,
+            source,
+            self._show,
+            lambda: AsyncRobot(options, source=source, label=CALIBRATION, clock=clock),
+        )
         self._actions: dict[str, Callable[[RequestFrame], Awaitable[Answer]]] = {
             "release": lambda _: self.robot.release(),
             "reset_odometry": lambda _: self.robot.reset_odometry(),
@@ -346,6 +357,7 @@ class PageHub:
             lapse_ms=LAPSE_NS // NS_PER_MS,
             source=self.robot.source,
             views=VIEWS,
+            calibrations=FORMS,
         )
 
     def _control(self, page: PageSession) -> bytes:

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import msgspec
 
+from yahboomd.client import AsyncRobot
 from yahboomd.core.clock import Clock
+from yahboomd.core.config import Loaded
 from yahboomd.web.page_boxes import PageBoxes
 from yahboomd.web.page_calibration import PageCalibration
 from yahboomd.web.page_frames import HoldFrame, Tool
@@ -19,10 +21,12 @@ class ToolSettings(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         robot: Options with the daemon's address, for every command that talks to it.
+        load: Reads the configuration of the robot's machine anew.
     """
 
     robot: tuple[str, ...]
     recordings: Path
+    load: Callable[[], Loaded]
 
 
 class PageTools:
@@ -34,9 +38,12 @@ class PageTools:
         settings: ToolSettings,
         source: str,
         show: Callable[[Mapping[str, bytes]], None],
+        robot: Callable[[], AsyncRobot],
     ) -> None:
         self._show = show
-        self.calibration = PageCalibration(clock, settings.robot, source, self._calibrates)
+        self.calibration = PageCalibration(
+            clock, robot, settings.load, source, changed=self._calibrates
+        )
         self.boxes = PageBoxes(clock, settings.robot)
         self.recordings = PageRecordings(clock, settings.robot, settings.recordings, self._records)
 

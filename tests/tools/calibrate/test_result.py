@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
+import threading
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from yahboomd.core.config import Config, read
+from yahboomd.core.config.calibration_file import Calibration
 from yahboomd.core.errors import Refused
+from yahboomd.tools.calibrate import calibration_writing
 from yahboomd.tools.calibrate.estimates.least_squares import Fit
 from yahboomd.tools.calibrate.estimates.runs import Factors
 from yahboomd.tools.calibrate.result import conclude
@@ -23,9 +28,13 @@ GOOD = Fit(
 BAD = Fit(factors=Factors(1.5), std=GOOD.std, chi_squared=1.2, errors=((0.001, 0.002),))
 
 
+def concluded(*given: Any, **named: Any) -> None:
+    asyncio.run(conclude(*given, **named))
+
+
 def test_a_good_result_is_written_and_read_back(tmp_path: Path, capsys) -> None:
     path = tmp_path / "state" / "calibration.toml"
-    assert conclude(GOOD, Config(), path, method="tape", dry_run=False, person=Answers()) == 0
+    concluded(GOOD, Config(), path, method="tape", dry_run=False, person=Answers())
     out, err = capsys.readouterr()
     assert "radius left         1.00000     1.01493" in out
     assert f"Written to {path}" in err
@@ -37,10 +46,7 @@ def test_a_good_result_is_written_and_read_back(tmp_path: Path, capsys) -> None:
 
 def test_a_dry_run_writes_nothing(tmp_path: Path, capsys) -> None:
     path = tmp_path / "calibration.toml"
-    assert (
-        conclude(GOOD, Config(), path, method="tape", dry_run=True, person=Answers(as_json=True))
-        == 0
-    )
+    concluded(GOOD, Config(), path, method="tape", dry_run=True, person=Answers(as_json=True))
     facts = json.loads(capsys.readouterr().out)
     assert (facts["written"], facts["refused"]) == (None, [])
     assert not path.exists()
@@ -51,7 +57,7 @@ def test_a_result_that_cannot_be_trusted_writes_nothing_and_says_why(
 ) -> None:
     path = tmp_path / "calibration.toml"
     with pytest.raises(Refused, match=r"The left wheels' radius would be 1\.500"):
-        conclude(BAD, Config(), path, method="tape", dry_run=False, person=Answers(as_json=True))
+        concluded(BAD, Config(), path, method="tape", dry_run=False, person=Answers(as_json=True))
     facts = json.loads(capsys.readouterr().out)
     assert facts["written"] is None
     assert len(facts["refused"]) == 2
@@ -62,10 +68,10 @@ def test_a_size_that_is_another_gear_names_the_profile_that_fits(tmp_path: Path,
     geared = Fit(factors=Factors(0.536), std=GOOD.std, chi_squared=1.2, errors=GOOD.errors)
     path = tmp_path / "calibration.toml"
     with pytest.raises(Refused, match=r"0\.536 is 30/56: .* board\.profile = \"520-1:56\""):
-        conclude(geared, Config(), path, method="tape", dry_run=False, person=Answers())
+        concluded(geared, Config(), path, method="tape", dry_run=False, person=Answers())
     own = Config.of({"chassis": {"ticks_per_revolution": 1320.0}})
     with pytest.raises(Refused, match="radius would be") as refused:
-        conclude(geared, own, path, method="tape", dry_run=False, person=Answers())
+        concluded(geared, own, path, method="tape", dry_run=False, person=Answers())
     assert "30/56" not in str(refused.value)
     capsys.readouterr()
     assert not path.exists()
@@ -76,7 +82,7 @@ def test_only_the_distance_of_the_sides_of_a_mecanum_base_is_calibrated(tmp_path
         None, environ={}, overrides=["chassis.preset=mecanum", "chassis.wheel_base_m=0.15"]
     ).config
     path = tmp_path / "calibration.toml"
-    conclude(GOOD, config, path, method="tape", dry_run=False, person=Answers())
+    concluded(GOOD, config, path, method="tape", dry_run=False, person=Answers())
     found = read(
         None,
         environ={"STATE_DIRECTORY": str(tmp_path)},
@@ -85,3 +91,30 @@ def test_only_the_distance_of_the_sides_of_a_mecanum_base_is_calibrated(tmp_path
     # Half of both sums is 0.95 times as long.
     turning = config.kinematics().inverse[3][2]
     assert found.kinematics().inverse[3][2] == pytest.approx(0.95 * turning, rel=1e-5)
+
+
+async def test_a_slow_disk_holds_up_no_loop_and_a_cancellation_does_not_cut_a_file(
+    tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun, goes_on = threading.Event(), threading.Event()
+    write = calibration_writing.write_calibration
+
+    def slow(path: Path, made: Calibration) -> None:
+        begun.set()
+        assert goes_on.wait(10.0)
+        write(path, made)
+
+    monkeypatch.setattr(calibration_writing, "write_calibration", slow)
+    path = tmp_path / "calibration.toml"
+    work = asyncio.create_task(
+        conclude(GOOD, Config(), path, method="tape", dry_run=False, person=Answers())
+    )
+    while not begun.is_set():
+        await asyncio.sleep(0)
+    work.cancel()
+    await asyncio.sleep(0)
+    assert not work.done()
+    goes_on.set()
+    await work
+    assert f"Written to {path}" in capsys.readouterr().err
+    assert read(None, environ={"STATE_DIRECTORY": str(tmp_path)}).warnings == ()

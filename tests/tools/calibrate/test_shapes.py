@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
+from bench_client import BenchClient
+from robot_bench import RobotBench
 
 from yahboomd.core.config import read
 from yahboomd.core.drive.kinematics import wheel_speeds
+from yahboomd.core.errors import Refused
 from yahboomd.core.model import Twist2d
-from yahboomd.tools.calibrate.shapes import Leg, Sides, sideways, square
+from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.tools.calibrate import shapes
+from yahboomd.tools.calibrate.shapes import Leg, LegDriver, Sides, sideways, square
 
 
 def config(preset: str):
@@ -76,3 +83,21 @@ def test_a_mecanum_base_counts_its_way_to_the_side_and_turns_by_wheels_and_axles
     assert (leg.vx, leg.vy, leg.wz, leg.amount) == (0.0, -0.2, 0.0, 1.0)
     assert leg.done(0.0, 0.0, 1.0, to_the_left_m=-0.4) == 0.4
     assert leg.limit_s == pytest.approx(12.5)
+
+
+async def _asked() -> None:
+    await asyncio.sleep(60.0)
+
+
+@on_virtual_time
+async def test_an_open_question_keeps_no_counts_and_an_endless_run_by_hand_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(shapes, "MOST_COUNTS", 1000)
+    async with RobotBench(tmp_path) as bench:
+        await bench.ready()
+        driver = LegDriver(BenchClient(bench), bench.config, "cmd_vel", clock=bench.clock)  # type: ignore[arg-type]
+        await driver.begin(_asked())
+        assert len(driver.gathered()[0]) == 0
+        with pytest.raises(Refused, match="too long: nothing was written"):
+            await driver.by_hand(_asked())

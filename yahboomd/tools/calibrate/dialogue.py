@@ -1,8 +1,7 @@
-"""A calibration led by another program: lines of JSON out, lines of JSON in.
+"""A calibration led by another program or by a page: questions out, answers in.
 
-Out: ``question`` (with ``id``, ``name``, ``kind``, ``text`` and further facts), ``progress``,
-``say``, ``result``, ``refused``, and ``ignored`` for a line that made no sense. In: ``answer``,
-``hold``, ``release`` and ``abort``. ``docs/calibration.md`` describes each.
+:class:`Dialogue` knows no transport. :func:`lead_by_lines` is the one of ``--dialogue json``, lines
+of JSON, which ``docs/calibration.md`` describes.
 """
 
 from __future__ import annotations
@@ -10,17 +9,18 @@ from __future__ import annotations
 import asyncio
 import json
 import math
+from collections.abc import Callable, Coroutine
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-from yahboomd.core.clock import SystemClock
+import msgspec
+
 from yahboomd.core.errors import Refused, YahboomdError
 from yahboomd.tools.terminal.asking import input_ended
 from yahboomd.tools.terminal.input_lines import InputLines
 
 if TYPE_CHECKING:
-    from collections.abc import Coroutine
-
+    from yahboomd.core.clock import Clock
     from yahboomd.tools.calibrate.hold import HeldButton
     from yahboomd.tools.terminal.asking import LargestMove, Number
 
@@ -28,75 +28,96 @@ PROGRESS_NS = 200_000_000
 """The least time between two reports of progress."""
 
 
-def write_refused(error: YahboomdError) -> None:
-    """Write the last line if nothing was written to the calibration file."""
-    _write("refused", text=str(error), status=error.exit_code)
+class AskedQuestion(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, tag="question"):
+    """A question that waits for an answer, or for a button that is held.
+
+    Attributes:
+        kind: ``confirm``, ``start``, ``hold`` or ``number``.
+        unit: Of a number.
+        wrong: Why the answer before was refused.
+        bounds: Of the movement: ``distance_m``, ``turn_rad``, ``time_s``.
+    """
+
+    id: str
+    name: str
+    kind: str
+    text: str
+    unit: str = ""
+    wrong: str = ""
+    bounds: dict[str, float] | None = None
+
+
+class MovedSoFar(msgspec.Struct, frozen=True, kw_only=True, tag="progress"):
+    """The progress of a movement: ``done`` of this part, from 0 to 1."""
+
+    part: int
+    parts: int
+    done: float
+
+
+class SaidWords(msgspec.Struct, frozen=True, kw_only=True, tag="say"):
+    """A sentence for the person."""
+
+    text: str
+
+
+class ShownResult(msgspec.Struct, frozen=True, kw_only=True, tag="result"):
+    """The result as a table, and its facts; ``written`` among them names the file."""
+
+    text: str
+    facts: dict[str, Any]
+
+
+Told: TypeAlias = AskedQuestion | MovedSoFar | SaidWords | ShownResult
 
 
 class Dialogue:
-    """A person who is asked through a program; see :class:`~.asking.Person`.
+    """A person who is asked through a program or a page; see :class:`~.asking.Person`.
 
     Args:
+        tell: Called with all that is to be shown.
         hold: The button that lets the robot move; None: an answer starts each movement.
     """
 
     enter = "Press \N{LEFT DOUBLE QUOTATION MARK}Done\N{RIGHT DOUBLE QUOTATION MARK}"
 
-    def __init__(self, hold: HeldButton | None) -> None:
+    def __init__(
+        self, tell: Callable[[Told], None], clock: Clock, hold: HeldButton | None = None
+    ) -> None:
+        self._tell = tell
+        self._clock = clock
         self._hold = hold
         self._asked = 0
         self._id = ""
         self._answer: asyncio.Future[str] | None = None
         self._reported = (0, 0)
-        self._clock = SystemClock()
 
-    async def lead(self, work: Coroutine[Any, Any, int]) -> int:
-        """Run the work until it ends or the program goes away.
+    # From the program or the page.
 
-        Raises:
-            Refused: The input ended, or the program aborted.
-        """
-        working, reading = asyncio.create_task(work), asyncio.create_task(self._read())
-        try:
-            await asyncio.wait({working, reading}, return_when=asyncio.FIRST_COMPLETED)
-            if not working.done():
-                # Cancelling the work, below, stops the robot.
-                raise reading.result()
-            return working.result()
-        finally:
-            for each in (working, reading):
-                each.cancel()
-            await asyncio.gather(working, reading, return_exceptions=True)
+    def answer(self, question: str, text: str) -> bool:
+        """Answer a question; returns whether it is open."""
+        if question != self._id or self._answer is None or self._answer.done():
+            return False
+        self._answer.set_result(text)
+        return True
 
-    async def _read(self) -> Refused:
-        lines = InputLines()
-        while (line := await lines.line()) is not None:
-            try:
-                message = json.loads(line)
-            except (ValueError, RecursionError):
-                message = None
-            match message:
-                case {"type": "hold", "id": self._id, "at_ns": int(at_ns)} if self._hold:
-                    self._hold.press(at_ns)
-                case {"type": "hold", "id": str()}:
-                    pass  # belongs to a movement that is over
-                case {"type": "release"}:
-                    if self._hold is not None:
-                        self._hold.release()
-                case {"type": "answer", "id": self._id, "text": str(text)}:
-                    if self._answer is not None and not self._answer.done():
-                        self._answer.set_result(text)
-                case {"type": "abort"}:
-                    return Refused("The calibration was ended: nothing was written.")
-                case _:
-                    _write("ignored", text="Not an answer to the open question.")
-        return input_ended()
+    def press(self, question: str, at_ns: int) -> None:
+        """The button of this question was held at this moment; other questions' are ignored."""
+        if self._hold is not None and question == self._id:
+            self._hold.press(at_ns)
+
+    def release(self) -> None:
+        """The button was let go."""
+        if self._hold is not None:
+            self._hold.release()
+
+    # To them.
 
     async def _ask(self, kind: str, name: str, text: str, **more: Any) -> str:  # noqa: ANN401
         self._asked += 1
         self._id = f"{name}-{self._asked}"
         self._answer = asyncio.get_running_loop().create_future()
-        _write("question", id=self._id, name=name, kind=kind, text=text, **more)
+        self._tell(AskedQuestion(id=self._id, name=name, kind=kind, text=text, **more))
         return await self._answer
 
     async def confirm(self, name: str, words: str) -> None:
@@ -106,19 +127,17 @@ class Dialogue:
     async def start(self, name: str, words: str, bounds: LargestMove) -> None:
         """Wait for any answer; with a button, until it is held."""
         text = f"{words} It moves {_amount(bounds)}, for at most {bounds.time_s:.0f} s."
-        more = {
-            "bounds": {
-                "distance_m": round(bounds.distance_m, 3),
-                "turn_rad": round(bounds.turn_rad, 3),
-                "time_s": round(bounds.time_s, 1),
-            }
+        most = {
+            "distance_m": round(bounds.distance_m, 3),
+            "turn_rad": round(bounds.turn_rad, 3),
+            "time_s": round(bounds.time_s, 1),
         }
         self._reported = (0, 0)
         if self._hold is None:
-            await self._ask("start", name, text, **more)
+            await self._ask("start", name, text, bounds=most)
             return
         self._hold.offer()
-        asked = asyncio.create_task(self._ask("hold", name, text, **more))
+        asked = asyncio.create_task(self._ask("hold", name, text, bounds=most))
         try:
             await self._hold.pressed()
         finally:
@@ -135,20 +154,20 @@ class Dialogue:
         return question.blank
 
     def say(self, words: str) -> None:
-        """Write it."""
-        _write("say", text=words)
+        """Show it."""
+        self._tell(SaidWords(text=words))
 
     def progress(self, part: int, parts: int, done: float) -> None:
-        """Write it, at most every :data:`PROGRESS_NS` within a part."""
+        """Show it, at most every :data:`PROGRESS_NS` within a part."""
         before_part, before_ns = self._reported
         now_ns = self._clock.now_ns()
         if part != before_part or done >= 1.0 or now_ns - before_ns >= PROGRESS_NS:
             self._reported = (part, now_ns)
-            _write("progress", part=part, parts=parts, done=round(done, 3))
+            self._tell(MovedSoFar(part=part, parts=parts, done=round(done, 3)))
 
     def result(self, table: str, facts: dict[str, Any]) -> None:
-        """Write it."""
-        _write("result", text=table, facts=facts)
+        """Show it."""
+        self._tell(ShownResult(text=table, facts=facts))
 
 
 def _amount(bounds: LargestMove) -> str:
@@ -157,6 +176,62 @@ def _amount(bounds: LargestMove) -> str:
     if turns:
         words.append("1 turn" if round(turns, 2) == 1.0 else f"{turns:.3g} turns")
     return " and ".join(words)
+
+
+# The fits calculate with numpy's numbers, which are floats, too.
+_encoder = msgspec.json.Encoder(enc_hook=float)
+
+
+def write_line(told: Told) -> None:
+    """Write one line of JSON to standard output."""
+    print(_encoder.encode(told).decode(), flush=True)
+
+
+def write_refused(error: YahboomdError) -> None:
+    """Write the last line if nothing was written to the calibration file."""
+    _write("refused", text=str(error), status=error.exit_code)
+
+
+async def lead_by_lines(dialogue: Dialogue, work: Coroutine[Any, Any, None]) -> None:
+    """Run the work until it ends or the program goes away; standard input has the answers.
+
+    Raises:
+        Refused: The input ended, or the program aborted.
+    """
+    working, reading = asyncio.create_task(work), asyncio.create_task(_read(dialogue))
+    try:
+        await asyncio.wait({working, reading}, return_when=asyncio.FIRST_COMPLETED)
+        if not working.done():
+            # Cancelling the work, below, stops the robot.
+            raise reading.result()
+        working.result()
+    finally:
+        for each in (working, reading):
+            each.cancel()
+        await asyncio.gather(working, reading, return_exceptions=True)
+
+
+async def _read(dialogue: Dialogue) -> Refused:
+    lines = InputLines()
+    while (line := await lines.line()) is not None:
+        try:
+            message = json.loads(line)
+        except (ValueError, RecursionError):
+            message = None
+        match message:
+            case {"type": "hold", "id": str(question), "at_ns": int(at_ns)}:
+                dialogue.press(question, at_ns)
+            case {"type": "release"}:
+                dialogue.release()
+            case {"type": "answer", "id": str(question), "text": str(text)} if dialogue.answer(
+                question, text
+            ):
+                pass
+            case {"type": "abort"}:
+                return Refused("The calibration was ended: nothing was written.")
+            case _:
+                _write("ignored", text="Not an answer to the open question.")
+    return input_ended()
 
 
 def _write(line_type: str, /, **fields: Any) -> None:  # noqa: ANN401

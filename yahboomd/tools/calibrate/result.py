@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from yahboomd.tools.terminal.asking import Person
 
 
-def conclude(
+async def conclude(
     fit: Fit,
     config: Config,
     path: Path | None,
@@ -32,7 +33,7 @@ def conclude(
     sideways_runs: Sequence[SidewaysRun] = (),
     dry_run: bool,
     person: Person,
-) -> int:
+) -> None:
     """Show the result, and write it unless it cannot be trusted.
 
     Args:
@@ -42,7 +43,6 @@ def conclude(
         Refused: The result cannot be trusted; nothing was written.
         ConfigError: The file cannot be written.
     """
-    from yahboomd.tools.calibrate.calibration_writing import write_calibration
     from yahboomd.tools.stop.unresponsive import restarting
 
     count = len(runs) + len(sideways_runs)
@@ -60,7 +60,7 @@ def conclude(
     written: Path | None = None
     try:
         if target is not None:
-            write_calibration(target, calibration)
+            await _write(target, calibration)
             written = target
     finally:
         facts = _facts(fit, calibration, wrong, written)
@@ -71,7 +71,7 @@ def conclude(
         raise Refused("\n".join(["Nothing was written:", *(f"  {words}" for words in wrong)]))
     if dry_run:
         person.say("A dry run: nothing was written.")
-        return 0
+        return
     if path is None:
         raise Refused(
             "Nothing was written: there is no state directory. Name the file: "
@@ -81,7 +81,18 @@ def conclude(
         f"Written to {path}. The daemon reads it when it starts. "
         f"{restarting(tuple(config.zenoh.listen))} `yahboomd calibrate undo` removes it."
     )
-    return 0
+
+
+async def _write(path: Path, calibration: Calibration) -> None:
+    """Write the file in a thread, because a disk may be slow. A cancellation does not end it."""
+    from yahboomd.tools.calibrate.calibration_writing import write_calibration
+
+    writing = asyncio.create_task(asyncio.to_thread(write_calibration, path, calibration))
+    try:
+        await asyncio.shield(writing)
+    except asyncio.CancelledError:
+        await asyncio.wait({writing})
+        writing.result()
 
 
 def _gear_doubts(scale: float, config: Config) -> list[str]:

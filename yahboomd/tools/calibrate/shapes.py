@@ -33,6 +33,9 @@ HUNTS_M = 0.002
 
 STANDS_WITHIN_NS = 20 * NS_PER_S
 
+MOST_COUNTS = 200_000
+"""The most readings of the wheels in a run by hand: an hour at 50 Hz, 40 MB."""
+
 
 class Sides:
     """Converts the ticks of single motors to the travel of the two sides, with nominal radii.
@@ -189,16 +192,24 @@ class LegDriver:
             asked: A question to wait for first; the robot may be pushed onto its mark meanwhile.
         """
         if asked is not None:
-            await self._gather_until(asked)
+            await self._gather_until(asked, kept=False)
         await self._rest()
         del self._ticks[:-1]
         self._lost = ""
 
-    async def _gather_until(self, asked: Coroutine[Any, Any, None]) -> None:
+    async def _gather_until(self, asked: Coroutine[Any, Any, None], *, kept: bool) -> None:
         waiting = asyncio.create_task(asked)
         try:
             while not waiting.done():
                 await self._next()
+                if not kept:
+                    # An open question may wait for days.
+                    del self._ticks[:-1]
+                elif len(self._ticks) > MOST_COUNTS:
+                    raise Refused(
+                        f"{MOST_COUNTS} counts came in this run, which is too long: nothing was "
+                        "written."
+                    )
             await waiting
         finally:
             waiting.cancel()
@@ -261,7 +272,7 @@ class LegDriver:
 
     async def by_hand(self, asked: Coroutine[Any, Any, None]) -> None:
         """Gather counts while the person moves the robot, until they confirm that it is done."""
-        await self._gather_until(asked)
+        await self._gather_until(asked, kept=True)
         await self._rest()
 
     def gathered(self) -> tuple[Floats, Floats, float]:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 from functools import partial
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
-import msgspec
-
-from yahboomd.core.bus import keys
-from yahboomd.core.errors import ConfigError, Refused
+from yahboomd.core.errors import Refused
+from yahboomd.tools.calibrate.choices import TapeRuns
 from yahboomd.tools.calibrate.shapes import (
-    DAEMON_WITHIN_S,
     Interrupted,
     Leg,
     LegDriver,
@@ -23,11 +21,15 @@ from yahboomd.tools.calibrate.shapes import (
 from yahboomd.tools.terminal.asking import Number
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from yahboomd.client import AsyncRobot
     from yahboomd.core.clock import Clock
-    from yahboomd.core.config import Config, Loaded
+    from yahboomd.core.config import Config
+    from yahboomd.tools.calibrate.choices import SquareRuns
+    from yahboomd.tools.calibrate.estimates.least_squares import Fit
     from yahboomd.tools.calibrate.estimates.runs import Run
-    from yahboomd.tools.calibrate.estimates.sideways import SidewaysRun
+    from yahboomd.tools.calibrate.estimates.sideways import Sideways, SidewaysRun
     from yahboomd.tools.calibrate.hold import HeldButton
     from yahboomd.tools.terminal.asking import Person
 
@@ -50,33 +52,6 @@ HEADING = Number(
 )
 
 
-class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """The runs of a calibration.
-
-    Attributes:
-        straight_m: Length of the straight run.
-        turns: Turns in place each way, by tape.
-        sideways_m: Way of a mecanum base to either side, by tape.
-        side_m: Of a square.
-        count: Squares each way.
-        by_hand: Drive nothing: a person moves the robot.
-        dry_run: Show the result, write nothing.
-        source: The key to command on.
-    """
-
-    method: Literal["tape", "squares"] = "tape"
-    straight_m: float = 2.0
-    speed_m_s: float = 0.2
-    turn_rad_s: float = 0.8
-    turns: int = 5
-    sideways_m: float = 1.0
-    side_m: float = 2.0
-    count: int = 5
-    by_hand: bool = False
-    dry_run: bool = False
-    source: str = keys.CMD_VEL
-
-
 LENGTH_RANGE = (0.25, 4.0)
 """The true way, as a multiple of the counted one: no wrong profile of the vendor's exceeds it."""
 
@@ -96,25 +71,22 @@ def length(counted_m: float) -> Number:
     )
 
 
-async def calibrate(
+async def drive_and_fit(
     robot: AsyncRobot,
-    loaded: Loaded,
-    options: RunOptions,
+    config: Config,
+    choices: TapeRuns | SquareRuns,
     person: Person,
-    hold: HeldButton | None = None,
+    hold: HeldButton | None,
     *,
-    clock: Clock | None = None,
-) -> int:
-    """Ask, drive, fit, and write the result.
+    path: Path | None,
+    source: str,
+    clock: Clock | None,
+) -> None:
+    """Ask, drive, fit, and write the result; see :func:`~.calibration.calibrate`.
 
     Args:
-        loaded: The configuration of this machine, which names the calibration file.
-        hold: The button that lets the robot move; None: an answer starts each movement.
-
-    Raises:
-        Refused: The result cannot be trusted, or the robot does not obey.
-        NoDaemon: The daemon was lost.
-        ConfigError: The daemon is another robot's, or the file cannot be written.
+        config: The daemon's.
+        path: The calibration file; None if there is no state directory.
     """
     from yahboomd.tools.calibrate.estimates.least_squares import PARTS, Unseen, fit
     from yahboomd.tools.calibrate.estimates.runs import Factors
@@ -122,76 +94,57 @@ async def calibrate(
     from yahboomd.tools.calibrate.estimates.verdict import unseen
     from yahboomd.tools.calibrate.result import conclude, ratio_of
 
-    config = await config_of(robot, loaded)
-    if options.method == "squares" and config.kinematics().holonomic:
+    by_tape, holonomic = isinstance(choices, TapeRuns), config.kinematics().holonomic
+    if holonomic and not by_tape:
         raise Refused(
             "A mecanum base is calibrated by tape: its slip hides the ratio of the wheels. "
             "`yahboomd calibrate tape`"
         )
-    wizard = _Wizard(LegDriver(robot, config, options.source, hold, clock), person, options)
+    wizard = _Wizard(LegDriver(robot, config, source, hold, clock), person, choices)
     beside: list[SidewaysRun] = []
-    if options.method == "tape":
+    if isinstance(choices, TapeRuns):
         # The rollers of a mecanum base bend it, too.
-        runs = await wizard.by_tape(bend=not config.kinematics().holonomic)
-        if config.kinematics().holonomic:
-            beside = await wizard.sideways()
+        runs = await wizard.by_tape(choices, bend=not holonomic)
+        if holonomic:
+            beside = await wizard.sideways(choices.sideways_m)
         bent = any(run.kind == "pose" for run in runs)
         method, free = "tape", PARTS if bent else PARTS[::2]
     else:
-        runs = await wizard.by_squares()
-        method, free = f"squares of {options.side_m:g} m", PARTS
-    try:
+        runs = await wizard.by_squares(choices)
+        method, free = f"squares of {choices.side_m:g} m", PARTS
+
+    def fitted() -> tuple[Fit, Sideways | None]:
         # Without a measured bend a tape does not show the ratio: keep the one found by squares.
         found = fit(runs, free=free, start=Factors(ratio=ratio_of(config)))
-        factors, std = found.factors, found.std
-        to_the_side = None
-        if beside:
-            to_the_side = fit_sideways(
-                beside, scale=factors.scale, track=factors.track, scale_std=std.scale
-            )
+        if not beside:
+            return found, None
+        scale, track, std = found.factors.scale, found.factors.track, found.std.scale
+        return found, fit_sideways(beside, scale=scale, track=track, scale_std=std)
+
+    try:
+        found, to_the_side = await asyncio.to_thread(fitted)
     except Unseen as error:
         raise Refused(f"Nothing was written. {unseen(error)}") from error
-    return conclude(
+    await conclude(
         found,
         config,
-        loaded.calibration_path,
+        path,
         method=method,
         runs=runs,
         sideways=to_the_side,
         sideways_runs=beside,
-        dry_run=options.dry_run,
+        dry_run=choices.dry_run,
         person=person,
     )
 
 
-async def config_of(robot: AsyncRobot, loaded: Loaded) -> Config:
-    """The daemon's configuration; this machine's calibration file has to belong to it.
-
-    Raises:
-        ConfigError: It is another robot's, or another version's.
-    """
-    from yahboomd.core.config import read_foreign
-    from yahboomd.core.config.calibration_file import geometry_of
-
-    answer = await robot.call(keys.CONFIG, timeout_s=DAEMON_WITHIN_S)
-    config = read_foreign(answer.data, "The daemon")
-    if geometry_of(config) != geometry_of(loaded.config):
-        raise ConfigError(
-            "The daemon runs with another robot's configuration than "
-            f"{loaded.path or 'the defaults'}, which this command has read.",
-            remedy="Name the daemon's own file: `--config FILE`.",
-        )
-    return config
-
-
 class _Wizard:
-    def __init__(self, driver: LegDriver, person: Person, options: RunOptions) -> None:
+    def __init__(self, driver: LegDriver, person: Person, choices: TapeRuns | SquareRuns) -> None:
         self._driver = driver
         self._person = person
-        self._options = options
+        self._choices = choices
 
-    async def by_tape(self, *, bend: bool) -> list[Run]:
-        options = self._options
+    async def by_tape(self, options: TapeRuns, *, bend: bool) -> list[Run]:
         runs = [await self._straight(bend=bend, heading=False)]
         for left in (True, False):
             way = "to the left" if left else "to the right"
@@ -206,25 +159,24 @@ class _Wizard:
             runs.append(self._run("turn", (measured,), (ANGLE_STD_RAD,)))
         return runs
 
-    async def sideways(self) -> list[SidewaysRun]:
+    async def sideways(self, side_m: float) -> list[SidewaysRun]:
         """Runs of a mecanum base to either side."""
         from yahboomd.tools.calibrate.estimates.sideways import SidewaysRun
 
-        options, runs = self._options, []
+        runs = []
         for left in (True, False):
             way = "left" if left else "right"
-            metres = options.sideways_m if left else -options.sideways_m
             await self._move(
-                sideways(metres, options.speed_m_s),
-                f"{options.sideways_m:g} m to the {way}, sideways: mark the robot's place.",
+                sideways(side_m if left else -side_m, self._choices.speed_m_s),
+                f"{side_m:g} m to the {way}, sideways: mark the robot's place.",
             )
             steps = self._driver.gathered_sideways()
             measured = await self._length(float(abs(steps[1].sum())))
             runs.append(SidewaysRun(*steps, measured, TAPE_STD_M))
         return runs
 
-    async def by_squares(self) -> list[Run]:
-        options, runs = self._options, []
+    async def by_squares(self, options: SquareRuns) -> list[Run]:
+        runs = []
         for left in (True, False):
             way = "left" if left else "right"
             for count in range(1, options.count + 1):
@@ -257,9 +209,9 @@ class _Wizard:
             heading: Ask for its heading at the end; without it, the accuracy of the line is that of
                 the start's heading, as a person sees an angle.
         """
-        metres = self._options.straight_m
+        metres = self._choices.straight_m
         await self._move(
-            straight(metres, self._options.speed_m_s),
+            straight(metres, self._choices.speed_m_s),
             f"A straight of {metres:g} m: mark the robot's place.",
         )
         left_m, right_m, _ = self._driver.gathered()
@@ -305,7 +257,7 @@ class _Wizard:
     async def _move(self, legs: list[Leg], words: str) -> None:
         """Announce a shape, wait for the person, and drive it or have it driven by hand."""
         person, driver = self._person, self._driver
-        if self._options.by_hand:
+        if self._choices.by_hand:
             await driver.begin()
             person.say(f"{words} Then move it like this.")
             await driver.by_hand(

@@ -96,6 +96,7 @@ export function create(app) {
     if (element.hidden) return;
     const now = state();
     const runs = now.page !== null;
+    choice.offer(live.newest("hello")?.calibrations ?? {});
     choice.element.hidden = undoCard.hidden = runs || live.newest("hello")?.role !== "driver";
     watcher.hidden = live.newest("hello")?.role === "driver";
     running.hidden = !runs;

@@ -1,0 +1,65 @@
+"""What a page sends becomes the choices of a calibration, or is refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from yahboomd.tools.calibrate.choices import CALIBRATIONS, TapeRuns, fields_of, read_choices
+
+
+def test_what_is_not_chosen_is_the_default() -> None:
+    chosen = {"straight": 1.5, "turns": 3, "by-hand": True, "dry-run": False}
+    assert read_choices("tape", chosen) == TapeRuns(straight_m=1.5, turns=3, by_hand=True)
+
+
+@pytest.mark.parametrize(
+    ("verb", "choices"),
+    [
+        ("poses", {}),
+        ("tape --by-hand", {}),
+        (["tape"], {}),
+        (None, {}),
+        ("tape", {"config": "/etc/shadow"}),
+        ("tape", {"--config": 1}),
+        ("tape", {"source": "cmd_vel/teleop"}),
+        ("tape", {"straight_m": 1.0}),
+        ("tape", {"straight": "1 --by-hand"}),
+        ("tape", {"straight": True}),
+        ("tape", {"straight": float("nan")}),
+        ("tape", {"straight": 1e9}),
+        ("tape", {"straight": -1}),
+        ("tape", {"turns": 1.5}),
+        ("tape", {"by-hand": "yes"}),
+        ("tape", {"by-hand": 1}),
+        ("imu", {"speed": 0.2}),
+    ],
+)
+def test_nothing_else_that_a_page_sends_is_a_choice(verb: Any, choices: Any) -> None:
+    assert read_choices(verb, choices) is None
+
+
+@pytest.mark.parametrize("verb", CALIBRATIONS)
+def test_every_bound_and_default_of_a_field_may_be_chosen_and_nothing_beyond(verb: str) -> None:
+    for each in fields_of(CALIBRATIONS[verb]):
+        assert read_choices(verb, {each.name: each.default}) == CALIBRATIONS[verb]()
+        if each.least is None or each.most is None:
+            continue
+        step = 1 if each.whole else 0.001
+        for bound, beyond in ((each.least, each.least - step), (each.most, each.most + step)):
+            assert read_choices(verb, {each.name: bound}) is not None
+            assert read_choices(verb, {each.name: beyond}) is None
+
+
+def test_a_field_is_described_for_the_command_and_the_form() -> None:
+    fields = {each.name: each for each in fields_of(TapeRuns)}
+    straight, turns = fields["straight"], fields["turns"]
+    assert (straight.field, straight.unit, straight.least, straight.whole) == (
+        *("straight_m", "m", 0.2),
+        False,
+    )
+    assert (turns.whole, turns.unit, turns.more) == (True, "", False)
+    assert (fields["by-hand"].least, fields["by-hand"].default) == (None, False)
+    # The usual ones first.
+    assert [each.more for each in fields.values()] == sorted(each.more for each in fields.values())

@@ -1,0 +1,169 @@
+"""Calibrates a robot: called by the command, and by the page."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from typing import TYPE_CHECKING
+
+from yahboomd.core.bus import keys
+from yahboomd.core.errors import ConfigError, Refused
+from yahboomd.tools.calibrate.calibration_writing import check_writable, undo_calibration
+from yahboomd.tools.calibrate.choices import HandTurns
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from yahboomd.client import AsyncRobot
+    from yahboomd.core.clock import Clock
+    from yahboomd.core.config import Config, Loaded
+    from yahboomd.tools.calibrate.choices import Choices
+    from yahboomd.tools.calibrate.hold import HeldButton
+    from yahboomd.tools.terminal.asking import Person
+
+CONFIG_WITHIN_S = 8.0
+"""A daemon that does not answer for this time does not run."""
+
+
+async def calibrate(
+    robot: AsyncRobot,
+    loaded: Loaded,
+    choices: Choices,
+    person: Person,
+    hold: HeldButton | None = None,
+    *,
+    source: str = keys.CMD_VEL,
+    clock: Clock | None = None,
+) -> None:
+    """Ask, drive, fit, and write the result.
+
+    A cancellation stops the robot. Fits and files take their time in threads, so that the caller's
+    loop serves others meanwhile.
+
+    Args:
+        loaded: The configuration of this machine, which names the calibration file.
+        hold: The button that lets the robot move; None: an answer starts each movement.
+        source: The key on which the robot commands.
+
+    Raises:
+        Refused: The result cannot be trusted, or the robot does not obey.
+        NoDaemon: The daemon was lost.
+        ConfigError: The daemon is another robot's, or the file cannot be written.
+    """
+    if isinstance(choices, HandTurns):
+        from yahboomd.client import ImuSample
+        from yahboomd.tools.calibrate.imu_by_hand import show_mounted, turn_by_hand
+
+        config = await config_of(robot, loaded)
+        found = await turn_by_hand(
+            lambda: robot.samples(ImuSample, depth=1024), person, config, choices.turns
+        )
+        show_mounted(found, config, person)
+        return
+    # Both before the robot moves: numpy belongs to an extra, and may be missing.
+    await asyncio.to_thread(_import_fits)
+    if not choices.dry_run and loaded.calibration_path is not None:
+        check_writable(loaded.calibration_path)
+    from yahboomd.tools.calibrate.wizard import drive_and_fit
+
+    config = await config_of(robot, loaded)
+    await drive_and_fit(
+        robot,
+        config,
+        choices,
+        person,
+        hold,
+        path=loaded.calibration_path,
+        source=source,
+        clock=clock,
+    )
+
+
+def _import_fits() -> None:
+    import yahboomd.tools.calibrate.wizard  # noqa: F401
+
+
+async def config_of(robot: AsyncRobot, loaded: Loaded) -> Config:
+    """The daemon's configuration; this machine's calibration file has to belong to it.
+
+    Raises:
+        ConfigError: It is another robot's, or another version's.
+    """
+    from yahboomd.core.config import read_foreign
+    from yahboomd.core.config.calibration_file import geometry_of
+
+    answer = await robot.call(keys.CONFIG, timeout_s=CONFIG_WITHIN_S)
+    config = read_foreign(answer.data, "The daemon")
+    if geometry_of(config) != geometry_of(loaded.config):
+        raise ConfigError(
+            "The daemon runs with another robot's configuration than "
+            f"{loaded.path or 'the defaults'}, which this command has read.",
+            remedy="Name the daemon's own file: `--config FILE`.",
+        )
+    return config
+
+
+async def calibrate_by_poses(
+    loaded: Loaded,
+    bags: Sequence[Path],
+    person: Person,
+    *,
+    topic: str,
+    frames: tuple[str, str] | None,
+    dry_run: bool,
+) -> None:
+    """Fit the counts of a recording to another sensor's poses, and write the result.
+
+    Raises:
+        Refused: The result cannot be trusted, or the recording cannot be used.
+        ConfigError: The file cannot be written.
+    """
+    from yahboomd.tools.calibrate.estimates.least_squares import Unseen
+    from yahboomd.tools.calibrate.estimates.sensor import fit_to_sensor
+    from yahboomd.tools.calibrate.estimates.verdict import unseen
+    from yahboomd.tools.calibrate.recorded_poses import tracks
+    from yahboomd.tools.calibrate.result import conclude
+
+    config = loaded.config
+    if config.kinematics().holonomic:
+        raise Refused("A mecanum base is calibrated by tape: `yahboomd calibrate tape`")
+    recorded = tracks(bags, config, topic=topic, frames=frames)
+    try:
+        found, mounting = fit_to_sensor(recorded)
+    except Unseen as error:
+        raise Refused(f"Nothing was written. {unseen(error)}") from error
+    person.say(
+        f"The sensor sits {mounting.x:.3f} m ahead and {mounting.y:.3f} m to the left of the "
+        f"axle's middle, turned {math.degrees(mounting.heading):.2f}\N{DEGREE SIGN} to the left."
+    )
+    method = f"poses of {topic}"
+    await conclude(
+        found, config, loaded.calibration_path, method=method, dry_run=dry_run, person=person
+    )
+
+
+async def ended(robot: AsyncRobot, choices: Choices) -> str:
+    """Stop the robot of a calibration that was cancelled; returns the outcome in words."""
+    if isinstance(choices, HandTurns) or choices.by_hand:
+        return "Ended: nothing was driven, and nothing was written."
+    robot.stop()
+    if await robot.standing():
+        return "Ended: the wheels were stopped and stand; nothing was written."
+    return (
+        "Ended: a stop was sent, but the wheels were not seen to stand. Look at them, or run "
+        "`yahboomd stop`. Nothing was written."
+    )
+
+
+def undo(loaded: Loaded) -> str:
+    """Remove the newest calibration; returns the outcome in words.
+
+    Raises:
+        Refused: There is none.
+        ConfigError: The folder cannot be written to, or the file is not a calibration.
+    """
+    path = loaded.calibration_path
+    if path is None or not undo_calibration(path):
+        raise Refused(f"There is no calibration to take back in {path or 'any state directory'}.")
+    return f"Taken back in {path}. The daemon reads it when it starts."
