@@ -12,11 +12,11 @@ import msgspec
 
 from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.presence import TokenChange
-from yahboomd.core.bus.survey import Survey
 from yahboomd.core.clock import nanoseconds
 from yahboomd.core.daemon.planes import Guard
 from yahboomd.core.daemon.publisher import Pace
 from yahboomd.ros2.messages import ros2_names
+from yahboomd.ros2.survey import Survey
 
 log = logging.getLogger(__name__)
 
@@ -56,7 +56,7 @@ class TypeWatch:
                 found[topic] = frozenset(filter(None, map(_type_of_writer, answers)))
 
             handler = self._guarded("The types behind the bridge", answered)
-            self._surveys.append(self._bus.survey(f"/{ros2_names.bridge_writers(topic)}", handler))
+            self._surveys.append(Survey(self._bus, f"/{ros2_names.bridge_writers(topic)}", handler))
 
     def watch_nodes(self, source: str, ros_type: str, domain_id: int) -> None:
         self._expected[source] = ros_type

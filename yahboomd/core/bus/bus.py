@@ -35,7 +35,6 @@ from yahboomd.core.bus.presence import (
 from yahboomd.core.bus.publishers import BusPublisher, PriorityName
 from yahboomd.core.bus.services import Answering, Fallback, Handler, Service
 from yahboomd.core.bus.subscriptions import Arrival, Subscription
-from yahboomd.core.bus.survey import Survey
 from yahboomd.core.bus.zenoh_sessions import hang_up_stuck, open_failure, open_uplink
 from yahboomd.core.clock import Clock, SystemClock
 from yahboomd.core.errors import BusError
@@ -173,7 +172,8 @@ class Bus:
         for each in self._declared:
             each.attach(session)
 
-    def _declare(self, declaration: Declaration) -> Declaration:
+    def declare(self, declaration: Declaration) -> Declaration:
+        """Declare something in every session, now and as soon as it is open."""
         # A client subscribes repeatedly: forget its closed subscriptions.
         self._declared = [
             each for each in self._declared if not (isinstance(each, Subscription) and each.closed)
@@ -192,7 +192,7 @@ class Bus:
 
     @property
     def zid(self) -> str:
-        self._ready()
+        self.inbox()
         return str(self._sessions[0].zid())
 
     @property
@@ -216,8 +216,8 @@ class Bus:
         cache: int = 0,
     ) -> BusPublisher:
         """Declare a publisher; see :class:`BusPublisher`."""
-        self._ready()
-        return self._declare(
+        self.inbox()
+        return self.declare(
             BusPublisher(
                 self.key(key),
                 encoding=encoding or "zenoh/bytes",
@@ -252,12 +252,12 @@ class Bus:
                 sample comes. Its stamp is then its time of arrival, if that is possible, and
                 ``depth`` samples may come in between.
         """
-        return self._declare(
+        return self.declare(
             Subscription(
                 key,
                 self.key(key),
                 handler,
-                inbox=self._ready(),
+                inbox=self.inbox(),
                 now_ns=self._clock.now_ns,
                 stamp_ns=self._neighbours.sent_ns,
                 wall_ns=self._clock.wall_ns,
@@ -289,7 +289,7 @@ class Bus:
             idle: Called on the loop with the number of samples that ask for nothing.
             asks_nothing: Recognises their payloads; called in Zenoh's threads.
         """
-        return self._declare(
+        return self.declare(
             AlarmSubscriber(
                 self.key(key),
                 raised,
@@ -297,7 +297,7 @@ class Bus:
                 harmless=harmless,
                 idle=idle,
                 asks_nothing=asks_nothing,
-                inbox=self._ready(),
+                inbox=self.inbox(),
             )
         )
 
@@ -330,7 +330,7 @@ class Bus:
             complete: Declared as complete: a query that does not ask for all reaches it alone.
                 Otherwise, such a query reaches all services of that key.
         """
-        return self._declare(
+        return self.declare(
             Service(
                 key,
                 self.key(key),
@@ -339,7 +339,7 @@ class Bus:
                 wildcards=wildcards,
                 harmless=harmless,
                 answering=self._answering,
-                inbox=self._ready(),
+                inbox=self.inbox(),
                 now_ns=self._clock.now_ns,
                 pending=pending,
                 max_bytes=max_bytes,
@@ -352,8 +352,8 @@ class Bus:
 
         For several holders of one key see :func:`yahboomd.core.bus.keys.holder_key`.
         """
-        self._ready()
-        return self._declare(Token(self.key(key)))
+        self.inbox()
+        return self.declare(Token(self.key(key)))
 
     def watch_tokens(
         self, pattern: str, handler: Callable[[list[TokenChange]], None]
@@ -362,11 +362,7 @@ class Bus:
 
         The session's own tokens are among them.
         """
-        return self._declare(TokenWatch(self.key(pattern), handler, self._ready()))
-
-    def survey(self, selector: str, handler: Callable[[list[bytes]], None]) -> Survey:
-        """Prepare a question to other sessions; see :class:`Survey`."""
-        return self._declare(Survey(self.key(selector), handler, self._ready()))
+        return self.declare(TokenWatch(self.key(pattern), handler, self.inbox()))
 
     def watch_neighbours(self, handler: Callable[[list[NeighbourChange]], None]) -> None:
         self._neighbours.watch(handler)
@@ -378,10 +374,15 @@ class Bus:
         Raises:
             BusError: It is not open.
         """
-        self._ready()
+        self.inbox()
         return self._sessions[0]
 
-    def _ready(self) -> Inbox:
+    def inbox(self) -> Inbox:
+        """The way from Zenoh's threads to the loop.
+
+        Raises:
+            BusError: It is not open.
+        """
         if self._inbox is None:
             raise BusError("The bus is not open.")
         return self._inbox

@@ -3,7 +3,7 @@
 import pytest
 from zenoh_fixtures import eventually
 
-from yahboomd.core.bus.survey import LONGEST_REPLY, MOST_REPLIES
+from yahboomd.ros2.survey import LONGEST_REPLY, MOST_REPLIES, Survey
 
 pytestmark = pytest.mark.realtime
 
@@ -30,7 +30,7 @@ async def asked_until(survey, rounds, wanted):
 
 async def test_every_answer_of_the_latest_round_comes_together(bus, zenoh_app):
     rounds = []
-    survey = bus.survey("/@/*/ros2/**", rounds.append)
+    survey = Survey(bus, "/@/*/ros2/**", rounds.append)
     await asked_until(survey, rounds, [])
     one, other = (zenoh_app("client", bus.options.listen[0]) for _ in range(2))
     first = answering(one, "@/aa/ros2", b"a", b"b")
@@ -44,7 +44,7 @@ async def test_every_answer_of_the_latest_round_comes_together(bus, zenoh_app):
 
 async def test_what_answers_may_hold_is_bounded(bus, zenoh_app):
     rounds = []
-    survey = bus.survey("/@/*/ros2/**", rounds.append)
+    survey = Survey(bus, "/@/*/ros2/**", rounds.append)
     app = zenoh_app("client", bus.options.listen[0])
     many = [b"%d" % number for number in range(MOST_REPLIES + 10)]
     _queryable = answering(app, "@/aa/ros2", bytes(LONGEST_REPLY + 1), *many)

@@ -8,7 +8,8 @@ from typing import TypeAlias
 import zenoh
 from zenoh.handlers import Callback
 
-from yahboomd.core.bus.inbox import Inbox, SampleLane
+from yahboomd.core.bus.bus import Bus
+from yahboomd.core.bus.inbox import SampleLane
 
 MOST_REPLIES = 64
 """Answers kept of a round; anybody may send any number of them."""
@@ -24,19 +25,21 @@ Round: TypeAlias = tuple[int, list[bytes]]
 
 
 class Survey:
-    """Made by ``Bus.survey``.
+    """A question to other sessions.
 
     Args:
-        selector: The key expression in full.
+        bus: An open bus.
+        selector: The key expression.
         handler: Takes the answers of the latest round in each session, on the loop.
     """
 
-    def __init__(self, selector: str, handler: Callable[[list[bytes]], None], inbox: Inbox) -> None:
-        self._selector = selector
+    def __init__(self, bus: Bus, selector: str, handler: Callable[[list[bytes]], None]) -> None:
+        self._selector = bus.key(selector)
         self._handler = handler
-        self._lane: SampleLane[Round] = inbox.lane(self._deliver, depth=8)
+        self._lane: SampleLane[Round] = bus.inbox().lane(self._deliver, depth=8)
         self._sessions: list[zenoh.Session] = []
         self._latest: dict[int, list[bytes]] = {}
+        bus.declare(self)
 
     def attach(self, session: zenoh.Session) -> None:
         self._sessions.append(session)
