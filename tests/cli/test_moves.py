@@ -9,17 +9,22 @@ pytestmark = pytest.mark.realtime
 
 
 @pytest.mark.xdist_group("one_robot")
-def test_it_finds_the_daemon_and_ends_at_a_signal(one_robot) -> None:
+def test_it_serves_a_second_one_says_only_that_and_a_signal_ends_it(one_robot) -> None:
     served = Process("moves", "--connect", one_robot.endpoint)
-    served.says("answers")
+    served.says(f"Moves are served at {one_robot.endpoint}.")
+    second = Process("moves", "--connect", one_robot.endpoint)
+    assert second.end_by_itself() == 1
+    assert "serves this robot already" in second.output
+    assert "Moves are served" not in second.output
     assert served.end() == 0
-    assert f"Moves are served at {one_robot.endpoint}." in served.output
+    assert f"yahboomd at {one_robot.endpoint} answers." in served.output
 
 
 def test_without_a_daemon_it_waits_and_ends_at_a_signal() -> None:
     served = Process("moves", "--connect", free_endpoint())
     served.says("is waited for")
     assert served.end() == 0
+    assert "Moves are served" not in served.output
 
 
 def test_a_configuration_that_cannot_be_used_ends_it() -> None:

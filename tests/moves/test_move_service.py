@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import time
 from collections.abc import AsyncIterator, Callable
 from random import Random
 from typing import Any
@@ -18,7 +19,7 @@ from yahboomd.client.move_messages import BEAT, CANCEL, MOVES, PAUSE, RESUME, SO
 from yahboomd.core.clock import SystemClock
 from yahboomd.core.config import read
 from yahboomd.core.errors import Refused
-from yahboomd.moves import move_keeper
+from yahboomd.moves import move_keeper, move_service
 from yahboomd.moves.motion import move_watch
 from yahboomd.moves.move_service import MoveService
 
@@ -36,6 +37,8 @@ def patience(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(move_keeper, "OBEYS_S", 600.0)
     # The daemon's base stands, whatever it is commanded.
     monkeypatch.setattr(move_watch, "BLOCKED_S", 600.0)
+    # No other service is there.
+    monkeypatch.setattr(move_service, "SETTLE_S", 0.05)
 
 
 @pytest.fixture
@@ -66,14 +69,47 @@ def moving(daemon: Any) -> bool:
     return any(command["vx"] for command in daemon.commands)
 
 
-async def test_a_second_service_of_one_robot_ends_in_words_and_the_first_goes_on(
-    served: Any,
+class OffClock(SystemClock):
+    """A machine whose wall clock is wrong."""
+
+    def __init__(self, hours: float) -> None:
+        self._off_ns = round(hours * 3600e9)
+
+    def wall_ns(self) -> int:  # type: ignore[override]
+        return time.time_ns() + self._off_ns
+
+
+@pytest.mark.parametrize("hours", [0.0, -20.0, 20.0])
+async def test_a_second_service_of_one_robot_ends_in_words_and_the_first_drives_on(
+    served: Any, monkeypatch: pytest.MonkeyPatch, hours: float
 ) -> None:
-    _, robot, _ = served
-    second = MoveService(robot._connection.options, SystemClock())
+    _, robot, service = served
+    monkeypatch.setattr(move_service, "SETTLE_S", 0.5)
+    monkeypatch.setattr(move_keeper, "SILENCE_S", 60.0)
+    assert (await robot.request(START, STRAIGHT)).success
+    second = MoveService(robot._connection.options, OffClock(hours))
     with pytest.raises(Refused, match="serves this robot already"):
         await second.run()
+    assert not second.serving
     assert (await robot.request(PAUSE)).answered == 1
+    assert service._keeper.last.state == "paused"
+
+
+async def test_of_services_that_start_at_once_one_serves(
+    fake_daemon: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(move_service, "SETTLE_S", 0.5)
+    daemon = await fake_daemon()
+    async with connect(daemon.endpoint) as robot:
+        services = [MoveService(robot._connection.options, SystemClock()) for _ in range(3)]
+        running = [asyncio.create_task(each.run()) for each in services]
+        await eventually(lambda: sum(each.done() for each in running) == 2)
+        await eventually(lambda: any(each.serving for each in services))
+        assert (await robot.request(PAUSE)).answered == 1
+        for task in running:
+            task.cancel()
+        ends = await asyncio.gather(*running, return_exceptions=True)
+        assert sum(isinstance(end, Refused) for end in ends) == 2
 
 
 async def test_a_client_of_any_language_has_a_move_driven_and_cancels_it(served: Any) -> None:

@@ -6,6 +6,7 @@ the sources. A language that cannot be built here is skipped with the name of th
 
 from __future__ import annotations
 
+import hashlib
 import os
 import shutil
 import subprocess
@@ -109,8 +110,10 @@ def _rust() -> Built:
 
 
 def _c() -> Built:
-    cmake, target = needs("cmake"), CACHE / "c"
+    cmake, source = needs("cmake"), hashlib.sha256(str(EXAMPLES).encode()).hexdigest()[:8]
     needs("cc")
+    # CMake refuses a folder in which it configured another tree.
+    target = CACHE / f"c-{source}"
     target.mkdir(exist_ok=True)
     try:
         _run(cmake, EXAMPLES / "c", cwd=target)

@@ -83,12 +83,15 @@ async def _serve(options: BusOptions) -> int:
 
 
 async def _report(service: MoveService, where: str) -> None:
-    """Print when the daemon comes or goes."""
+    """Print when the daemon comes or goes, and when moves are served."""
     alive: bool | None = None
-    print(f"Moves are served at {where}.", flush=True)
+    serving = False
     while True:
-        await asyncio.sleep(0.5)
+        await asyncio.sleep(0.25)
         if service.robot.alive != alive:
             alive = service.robot.alive
             words = "answers" if alive else "does not answer; it is waited for"
             print(f"yahboomd at {where} {words}.", flush=True)
+        if service.serving and not serving:
+            serving = True
+            print(f"Moves are served at {where}.", flush=True)

@@ -33,7 +33,7 @@ from yahboomd.core.bus.presence import TokenChange
 from yahboomd.core.bus.publishers import BusPublisher
 from yahboomd.core.bus.services import BusQuery, Response
 from yahboomd.core.bus.subscriptions import Arrival
-from yahboomd.core.clock import Clock
+from yahboomd.core.clock import Clock, nanoseconds
 from yahboomd.core.errors import NoDaemon, Refused
 from yahboomd.core.messages.codecs import NativeEncoding, encode, encoding_name, encoding_of
 from yahboomd.core.messages.native import (
@@ -57,7 +57,11 @@ DEADMAN_S = 0.25
 CONFIG_S = 1.0
 
 SERVING = f"{MOVES}/serving"
-"""Below it each service has a liveliness token, whose name begins with the time of its start."""
+"""Below it each service has a liveliness token. The lowest name serves: ``0`` begins that of a service
+that serves already, ``1`` that of one that looks for others. No clock decides: clocks step."""
+
+SETTLE_S = 0.5
+"""How long a service looks for others, from when it hears the daemon, before it serves."""
 
 Request = TypeVar("Request", bound=msgspec.Struct)
 
@@ -89,8 +93,12 @@ class MoveService:
         self._publisher: BusPublisher | None = None
         self._learning: asyncio.Task[None] | None = None
         self._alive = False
-        self._name = f"{clock.wall_ns():020d}-{secrets.token_hex(4)}"
-        self._elder = ""
+        self.serving = False
+        """Whether it answers clients: no other service does."""
+        self._nonce = secrets.token_hex(8)
+        self._name = f"1-{self._nonce}"
+        self._services = set[str]()
+        self._settled_ns: int | None = None
 
     async def run(self) -> None:
         """Serve until cancelled; then stop the robot if it was driven.
@@ -106,14 +114,8 @@ class MoveService:
             while True:
                 await asyncio.sleep(CHECK_S)
                 checks += 1
-                if self._elder:
-                    raise Refused(
-                        "Another `yahboomd moves` serves this robot already, and two would both "
-                        "drive each move.",
-                        remedy="Use that one, or end it first: `systemctl stop yahboomd-moves`, "
-                        "or Ctrl-C where it runs.",
-                    )
                 self._look_for_daemon()
+                self._look_for_others(self._clock.now_ns())
                 self._keeper.check(self._clock.now_ns())
                 if checks % REPORT_EVERY == 0:
                     self._keeper.report()
@@ -135,6 +137,11 @@ class MoveService:
         bus.subscribe(BEAT, self._beat, depth=64)
         bus.watch_tokens(f"{HOLDER}/*", self._tokens)
         bus.watch_tokens(f"{SERVING}/*", self._others)
+        bus.token(f"{SERVING}/{self._name}")
+
+    def _begin_serving(self) -> None:
+        bus = self.robot.bus
+        self.serving, self._name = True, f"0-{self._nonce}"
         bus.token(f"{SERVING}/{self._name}")
         self._serve(START, self._start)
         self._serve(CANCEL, self._choosing("cancel"))
@@ -158,6 +165,25 @@ class MoveService:
         asks = self._learning is not None and not self._learning.done()
         if alive and not self._keeper.knows_base and not asks:
             self._learning = asyncio.create_task(self._learn(), name="moves-learn")
+
+    def _look_for_others(self, now_ns: int) -> None:
+        if not self.serving:
+            if not self._alive:
+                self._settled_ns = None
+                return
+            if self._settled_ns is None:
+                self._settled_ns = now_ns + nanoseconds(SETTLE_S)
+            if now_ns < self._settled_ns:
+                return
+        if any(name < self._name for name in self._services):
+            raise Refused(
+                "Another `yahboomd moves` serves this robot already, and two would both drive each "
+                "move.",
+                remedy="Use that one, or end it first: `systemctl stop yahboomd-moves`, or Ctrl-C "
+                "where it runs.",
+            )
+        if not self.serving:
+            self._begin_serving()
 
     async def _learn(self) -> None:
         try:
@@ -190,8 +216,7 @@ class MoveService:
     def _others(self, changes: list[TokenChange]) -> None:
         for change in changes:
             name = change.key.rpartition("/")[2]
-            if change.present and name < self._name:
-                self._elder = name
+            (self._services.add if change.present else self._services.discard)(name)
 
     async def _start(self, query: BusQuery) -> Response:
         request = _read(query, MoveRequest)

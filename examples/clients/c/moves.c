@@ -10,6 +10,7 @@
 #include "robot.h"
 
 enum { BEAT_MS = 100, BEATS_OF_SILENCE = 20 /* progress comes ten times a second */ };
+enum { KNOWN_MS = 1000 /* a session that was just opened may not know the service */ };
 
 static volatile sig_atomic_t ended = 0;
 
@@ -33,13 +34,19 @@ static json_t *begin(const z_loaned_session_t *session, const char *holder, doub
                                 holder);
     char *text = json_dumps(request, JSON_COMPACT);
     bool found;
-    json_t *reply = ask(session, "yahboomd/moves/start", text, "ServiceReply", &found);
+    json_t *reply = NULL;
+    z_clock_t begun = z_clock_now();
+    while (reply == NULL && z_clock_elapsed_ms(&begun) < KNOWN_MS) {
+        reply = query(session, "yahboomd/moves/start", text, "ServiceReply", &found);
+        if (reply == NULL) z_sleep_ms(BEAT_MS);
+    }
     free(text);
     json_decref(request);
     *code = WILL_NOT_MOVE;
     json_t *id = NULL;
     if (reply == NULL) {
-        fputs("Does `yahboomd moves` run beside it?\n", stderr);
+        fprintf(stderr, "No `yahboomd moves` answers at %s. Start it beside yahboomd.\n",
+                endpoint());
         *code = NO_DAEMON;
     } else if (json_is_true(json_object_get(reply, "success"))) {
         id = json_incref(json_object_get(json_object_get(reply, "data"), "id"));

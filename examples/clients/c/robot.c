@@ -27,8 +27,8 @@ static void show(json_t *message) {
     putchar('\n');
 }
 
-json_t *ask(const z_loaned_session_t *session, const char *key_name, const char *payload,
-            const char *name, bool *is_sample) {
+json_t *query(const z_loaned_session_t *session, const char *key_name, const char *payload,
+              const char *name, bool *is_sample) {
     char key[256];
     z_view_keyexpr_t expression;
     z_view_keyexpr_from_str(&expression, full_key(key_name, key));
@@ -56,9 +56,16 @@ json_t *ask(const z_loaned_session_t *session, const char *key_name, const char 
             z_drop(z_move(reply));
         }
     z_drop(z_move(replies));
+    return answer;
+}
+
+json_t *ask(const z_loaned_session_t *session, const char *key_name, const char *payload,
+            const char *name, bool *is_sample) {
+    json_t *answer = query(session, key_name, payload, name, is_sample);
+    char key[256];
     if (answer == NULL)
         fprintf(stderr, "Nothing at %s answers %s. Is yahboomd running, with this NAMESPACE?\n",
-                endpoint(), key);
+                endpoint(), full_key(key_name, key));
     return answer;
 }
 

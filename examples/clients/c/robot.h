@@ -19,6 +19,9 @@ json_t *read_sample(const char *name, const z_loaned_sample_t *sample);
 int check_status(json_t *status);
 bool open_session(z_owned_session_t *session);
 /* The answer to a query, as `name` or as a ServiceReply; NULL where none came. */
+json_t *query(const z_loaned_session_t *session, const char *key_name, const char *payload,
+              const char *name, bool *is_sample);
+/* The same, with words on standard error where none came. */
 json_t *ask(const z_loaned_session_t *session, const char *key_name, const char *payload,
             const char *name, bool *is_sample);
 /* Drives a square by moves. */

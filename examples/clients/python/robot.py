@@ -7,6 +7,7 @@ commands and exit codes is in examples/clients/README.md.
 import json
 import signal
 import sys
+import time
 
 import msgspec
 import zenoh
@@ -57,11 +58,16 @@ def ask(session: zenoh.Session, name: str, payload: str | None = None) -> tuple[
 
 
 def ask_moves(session: zenoh.Session, name: str, payload: str) -> ServiceReply:
-    replies = session.get(key(name), payload=payload, timeout=5.0)
-    answer = next((reply.ok for reply in replies if reply.ok is not None), None)
-    if answer is None:
-        fail(69, f"No `yahboomd moves` answers at {ROBOT}. Start it beside yahboomd.")
-    return msgspec.json.decode(answer.payload.to_bytes(), type=ServiceReply)
+    # A session that was just opened may not know the service: then a query ends at once.
+    until = time.monotonic() + 1.0
+    while True:
+        replies = session.get(key(name), payload=payload, timeout=5.0)
+        answer = next((reply.ok for reply in replies if reply.ok is not None), None)
+        if answer is not None:
+            return msgspec.json.decode(answer.payload.to_bytes(), type=ServiceReply)
+        if time.monotonic() > until:
+            fail(69, f"No `yahboomd moves` answers at {ROBOT}. Start it beside yahboomd.")
+        time.sleep(0.1)
 
 
 def call(session: zenoh.Session, name: str, payload: str | None = None) -> int:

@@ -14,13 +14,21 @@ use crate::{ask, connect, key, read, show, Failure, MoveSample, Outcome, Service
 
 const BEAT: Duration = Duration::from_millis(100);
 const SILENCE: Duration = Duration::from_secs(2); // progress comes ten times a second
+const KNOWN: Duration = Duration::from_secs(1);
 
 fn request(session: &Session, name: &str, payload: String) -> Outcome<ServiceReply> {
-    let answer = ask(session, name, payload).map_err(|failure| {
-        let words = "Does `yahboomd moves` run beside yahboomd?";
-        Failure(failure.0, format!("{} {words}", failure.1))
-    })?;
-    read("ServiceReply", &answer.payload().to_bytes())
+    // A session that was just opened may not know the service: then a query ends at once.
+    let begun = Instant::now();
+    loop {
+        match ask(session, name, payload.clone()) {
+            Ok(answer) => return read("ServiceReply", &answer.payload().to_bytes()),
+            Err(_) if begun.elapsed() < KNOWN => sleep(BEAT),
+            Err(Failure(code, why)) => {
+                let words = "Does `yahboomd moves` run beside yahboomd?";
+                return Err(Failure(code, format!("{why} {words}")));
+            }
+        }
+    }
 }
 
 pub fn square(side: f64) -> Outcome<()> {
