@@ -2,7 +2,8 @@
 // Returns what came of each attempt; `OPEN` and `READ` are what must not happen.
 async (bases) => {
   const COMMAND = JSON.stringify({ vx: 0.3, wz: 0 });
-  const REQUESTS = [["PUT", "/cmd_vel"], ["POST", "/yahboomd/estop/reset"], ["GET", "/yahboomd/pose"]];
+  const REQUESTS = [["PUT", "/cmd_vel"], ["POST", "/yahboomd/estop/reset"],
+    ["POST", "/yahboomd/moves/start"], ["PUT", "/yahboomd/moves/beat"], ["GET", "/yahboomd/pose"]];
   const attempts = [];
   const attempt = (start) =>
     attempts.push(new Promise((done) => {

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import fcntl
 import functools
+import json
 import os
 import signal
 import subprocess
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 import web_programs
 from client_programs import CACHE, PROGRAMS, Built, Command, Missing
-from real_robot import free_endpoint
+from real_robot import Client, Process, RealRobot, free_endpoint, wait_for
 from web_gateway import Gateway
 
 PATIENCE_S = 120.0
@@ -145,6 +146,26 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     )
     names = [name for name, program in PROGRAMS.items() if program.commands.issuperset(needed)]
     metafunc.parametrize("program", names, indirect=True)
+
+
+@pytest.fixture
+def service(robot: RealRobot, client: Callable[..., Client]) -> Iterator[Process]:
+    """`yahboomd moves`, once it knows the test's robot."""
+    process = Process("moves", "--connect", robot.endpoint)
+    asking = client("client", robot.endpoint)
+    # It refuses what goes nowhere, and before that for the lack of poses.
+    nowhere = b'{"moves": [{"kind": "straight", "distance_m": 0.0}]}'
+
+    def knows() -> bool:
+        for reply in asking.session.get("yahboomd/moves/start", payload=nowhere, timeout=5.0):
+            if reply.ok is not None:
+                words = json.loads(bytes(reply.ok.payload))["message"]
+                return "No poses" not in words and "No daemon" not in words
+        return False
+
+    wait_for(knows, "it has poses")
+    yield process
+    process.end()
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from typing import Any
 import pytest
 import web_programs
 from client_programs import Missing
-from real_robot import Client, RealRobot, free_endpoint, wait_for
+from real_robot import Client, Process, RealRobot, free_endpoint, wait_for
 from web_gateway import Gateway, configuration
 
 pytestmark = [
@@ -195,6 +195,34 @@ def test_a_robot_that_a_page_drives_stops_by_itself_when(
     LOSSES[loss](browser, gateway)
     assert_stops(robot)
     assert robot.daemon.process.poll() is None
+
+
+@pytest.mark.parametrize("loss", LOSSES)
+def test_a_move_that_a_page_started_is_over_when(
+    browser: Browser,
+    page: str,
+    gateway: Gateway,
+    robot: RealRobot,
+    service: Process,
+    client: Callable[..., Client],
+    loss: str,
+) -> None:
+    app = client("client", robot.endpoint)
+
+    def driven() -> bool:
+        # A busy machine ends moves, as it should.
+        if app.ask("yahboomd/moves").get("state", "ended") == "ended":
+            browser("click", page, "#moves")
+        return max(map(abs, robot.truth()[-1].speed_m_s)) > 0.15
+
+    wait_for(driven, "the robot drives")
+    LOSSES[loss](browser, gateway)
+    assert_stops(robot)
+    end = app.ask("yahboomd/moves")
+    assert end["state"] == "ended"
+    # The plugin drops the token of a page that is closed; of one that is stalled come no beats.
+    assert end["reason"] in {"client_gone", "client_silent", "cancelled", "taken_over"}, end
+    print(loss, end["reason"])
 
 
 def test_the_page_stops_releases_sets_the_pose_reads_the_configuration_and_drives_a_square(

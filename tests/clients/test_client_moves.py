@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -35,26 +35,6 @@ def robot(real_robot: Callable[..., RealRobot]) -> RealRobot:
     made = real_robot(run=["--set", "faults.stall=report"])
     made.daemon.says("Connected")
     return made
-
-
-@pytest.fixture
-def service(robot: RealRobot, client: Callable[..., Client]) -> Iterator[Process]:
-    """`yahboomd moves`, once it knows its robot."""
-    process = Process("moves", "--connect", robot.endpoint)
-    asking = client("client", robot.endpoint)
-    # It refuses what goes nowhere, and before that for the lack of poses.
-    nowhere = b'{"moves": [{"kind": "straight", "distance_m": 0.0}]}'
-
-    def knows() -> bool:
-        for reply in asking.session.get("yahboomd/moves/start", payload=nowhere, timeout=5.0):
-            if reply.ok is not None:
-                words = json.loads(bytes(reply.ok.payload))["message"]
-                return "No poses" not in words and "No daemon" not in words
-        return False
-
-    wait_for(knows, "it has poses")
-    yield process
-    process.end()
 
 
 class Attempt(NamedTuple):

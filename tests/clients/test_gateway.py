@@ -52,6 +52,7 @@ def reached(gateway: Gateway) -> list[str]:
 
 
 MOVE, RELEASE = "/rest/cmd_vel", "/rest/yahboomd/estop/reset"
+START, BEAT = "/rest/yahboomd/moves/start", "/rest/yahboomd/moves/beat"
 CROSS = {"Sec-Fetch-Site": "cross-site"}
 SITE = {"Origin": FOREIGN, **CROSS}
 REBOUND = {"Host": "evil.example", "Sec-Fetch-Site": "same-origin"}
@@ -79,6 +80,12 @@ REFUSED: dict[str, tuple[int, str, str, dict[str, str]]] = {
     "a rebound name's WebSocket": (421, "GET", "/zenoh", {**REBOUND, **WEBSOCKET}),
     "a rebound name's script": (421, "PUT", MOVE, {**REBOUND, **PROGRAM}),
     "no name": (400, "PUT", MOVE, {"Host": "", **PROGRAM}),
+    "a script's start of moves": (403, "POST", START, {**SITE, **PROGRAM}),
+    "a form's start of moves": (403, "POST", START, {"Origin": "null"}),
+    "a script's beat": (403, "PUT", BEAT, SITE),
+    "the question before a beat": (403, "OPTIONS", BEAT, SITE),
+    "a rebound name's beat": (421, "PUT", BEAT, {**REBOUND, **PROGRAM}),
+    "an image that goes on with a pause": (403, "GET", "/rest/yahboomd/moves/resume", {}),
 }
 
 
@@ -98,6 +105,8 @@ def test_what_other_pages_send_is_refused_reaches_no_plugin_and_is_logged(
 OWN = {
     "curl": ("/rest/yahboomd/status", "GET", PROGRAM, 200),
     "curl that commands": ("/rest/cmd_vel", "PUT", PROGRAM, 200),
+    "curl that starts moves": (START, "POST", PROGRAM, 200),
+    "curl's beat": (BEAT, "PUT", PROGRAM, 200),
     "a program's WebSocket": ("/zenoh", "GET", WEBSOCKET, 101),
     "the page": ("/nginx.conf", "GET", {"Sec-Fetch-Site": "none"}, 200),
 }
@@ -119,6 +128,15 @@ def test_the_page_s_own_websocket_gets_through(gateway: Gateway, host: str) -> N
     before = len(reached(gateway))
     assert request(gateway, "/zenoh", "GET", {**own, **WEBSOCKET}) == 101
     assert len(reached(gateway)) == before + 1
+
+
+def test_the_longest_path_of_moves_gets_through_and_nothing_longer(
+    gateway: Gateway, tmp_path: Path
+) -> None:
+    for length, status in ((65_000, 200), (66_000, 413)):
+        (tmp_path / "moves").write_bytes(b" " * length)
+        body = ("--data-binary", f"@{tmp_path / 'moves'}", "--header", "X-Yahboomd: 1")
+        assert gateway.curl(START, *body) == status
 
 
 def test_no_answer_allows_another_origin_to_read_it(gateway: Gateway) -> None:
@@ -174,6 +192,30 @@ class Through:
         return self.ask(key, payload, within_s=5.0) is None
 
 
+class Moves:
+    """What of moves reaches the robot's side of the gateway."""
+
+    def __init__(self, robot: RealRobot) -> None:
+        config = zenoh.Config.from_json5('{mode: "client"}')
+        config.insert_json5("connect/endpoints", json.dumps([robot.endpoint]))
+        self.came: set[str] = set()
+        self.session = zenoh.open(config)
+        self.session.declare_subscriber("yahboomd/moves/beat", self._saw)
+        self.session.liveliness().declare_subscriber("yahboomd/moves/holder/*", self._saw)
+        for name in VERBS:
+            self.session.declare_queryable(f"yahboomd/moves/{name}", self._answer)
+
+    def _saw(self, sample: zenoh.Sample) -> None:
+        self.came.add(str(sample.key_expr).split("/")[2])
+
+    def _answer(self, query: zenoh.Query) -> None:
+        self.came.add(str(query.key_expr).split("/")[2])
+        query.reply(query.key_expr, b'{"success": true}')
+
+
+VERBS = ("start", "cancel", "pause", "resume")
+
+
 def test_as_shipped_the_configuration_lets_clients_watch_and_stop_but_not_drive(
     real_robot: Callable[..., RealRobot], client: Callable[..., Client]
 ) -> None:
@@ -181,12 +223,16 @@ def test_as_shipped_the_configuration_lets_clients_watch_and_stop_but_not_drive(
     app = client("client", robot.endpoint)
     app.in_state("standing")
     before = app.latest("status")["command"]["sources"]
-    through = Through(robot, drive=False)
+    heard, through = Moves(robot), Through(robot, drive=False)
     try:
         wait_for(lambda: "x" in (through.ask("yahboomd/pose") or {}), "the newest pose")
         for _ in range(20):
             for key in ("cmd_vel", "cmd_vel/teleop"):
                 through.session.put(key, b'{"vx": 0.3}')
+            through.session.put("yahboomd/moves/beat", b'{"id": "m1"}')
+        through.session.liveliness().declare_token("yahboomd/moves/holder/page")
+        for name in VERBS:
+            assert through.is_refused(f"yahboomd/moves/{name}", b"{}")
         assert through.is_refused("yahboomd/config")
         assert through.is_refused("yahboomd/odometry/set_pose", b'{"x": 1, "y": 0, "theta": 0}')
         stopped = through.ask("yahboomd/estop")
@@ -197,7 +243,9 @@ def test_as_shipped_the_configuration_lets_clients_watch_and_stop_but_not_drive(
         # Not one of the commands came: the counters of the sources are as they were.
         assert status["command"]["sources"] == before
         assert robot.travelled_m() == 0.0
+        assert heard.came == set()
     finally:
+        heard.session.close()
         through.session.close()
 
 
@@ -207,7 +255,7 @@ def test_with_its_line_switched_on_the_configuration_lets_clients_drive(
     robot = real_robot()
     app = client("client", robot.endpoint)
     app.in_state("standing")
-    through = Through(robot, drive=True)
+    heard, through = Moves(robot), Through(robot, drive=True)
     try:
 
         def moves() -> bool:
@@ -218,7 +266,22 @@ def test_with_its_line_switched_on_the_configuration_lets_clients_drive(
         assert (through.ask("yahboomd/estop") or {})["success"]
         wait_for(lambda: (through.ask("yahboomd/estop/reset") or {}).get("success"), "the release")
         assert (through.ask("yahboomd/config") or {})["success"]
+        progress = through.session.declare_subscriber(
+            "yahboomd/moves", zenoh.handlers.RingChannel(1)
+        )
+        for name in VERBS:
+            wait_for(lambda name=name: through.ask(f"yahboomd/moves/{name}", b"{}"), name)
+        through.session.put("yahboomd/moves/beat", b'{"id": "m1"}')
+        through.session.liveliness().declare_token("yahboomd/moves/holder/page")
+        wait_for(lambda: heard.came == {*VERBS, "beat", "holder"}, "all of it")
+
+        def hears() -> bool:
+            heard.session.put("yahboomd/moves", b"{}")
+            return progress.try_recv() is not None
+
+        wait_for(hears, "the progress")
     finally:
+        heard.session.close()
         through.session.close()
 
 

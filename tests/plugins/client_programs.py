@@ -143,8 +143,7 @@ PROGRAMS: dict[str, Program] = {
     "python_client": Program(partial(_python, "python_client"), slow=False),
     "rust": Program(_rust),
     "c": Program(_c),
-    # Through the gateway there is no token, and no rule for the beats of moves.
-    "typescript": Program(_typescript, gateway="ws:/zenoh", commands=COMMANDS - {"moves"}),
+    "typescript": Program(_typescript, gateway="ws:/zenoh"),
     # jq 1.6 has no 64-bit integers, so it decodes no stamps.
-    "curl": Program(_curl, gateway="http:/rest", commands=COMMANDS - {"decode", "moves"}),
+    "curl": Program(_curl, gateway="http:/rest", commands=COMMANDS - {"decode"}),
 }

@@ -128,7 +128,7 @@ class Gateway:
 def configuration(*, drive: bool, namespace: str = "") -> str:
     """The example's configuration, with the line that lets clients drive switched on or off."""
     text = (EXAMPLE / "gateway.json5").read_text()
-    line = '// { rules: ["drive", "services"]'
+    line = '// { rules: ["drive", "hold", "services"]'
     assert text.count(line) == 1
     if drive:
         text = text.replace(line, line.removeprefix("// "))

@@ -57,8 +57,9 @@ DEADMAN_S = 0.25
 CONFIG_S = 1.0
 
 SERVING = f"{MOVES}/serving"
-"""Below it each service has a liveliness token. The lowest name serves: ``0`` begins that of a service
-that serves already, ``1`` that of one that looks for others. No clock decides: clocks step."""
+"""Below it each service has a liveliness token. The lowest name serves: ``0`` begins that of a
+service that serves already, ``1`` that of one that looks for others. No clock decides: clocks step.
+"""
 
 SETTLE_S = 0.5
 """How long a service looks for others, from when it hears the daemon, before it serves."""

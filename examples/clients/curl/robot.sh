@@ -7,7 +7,7 @@ PREFIX="${NAMESPACE:+$NAMESPACE/}"
 here="$(cd "$(dirname "$0")" && pwd)"
 
 usage() {
-  echo "usage: robot.sh pose | status | estop | release | set-pose X Y THETA | config | square [SIDE]" >&2
+  echo "usage: robot.sh pose | status | estop | release | set-pose X Y THETA | config | square [SIDE] | moves [SIDE]" >&2
   exit 64
 }
 
@@ -17,7 +17,8 @@ fail() { # code, words
 }
 
 # X-Yahboomd is what the gateway's nginx asks of programs. http_proxy would send commands somewhere else.
-request() { curl --silent --fail --noproxy '*' --header 'X-Yahboomd: curl' "$@"; }
+REQUEST=(--silent --fail --noproxy '*' --header 'X-Yahboomd: curl')
+request() { curl "${REQUEST[@]}" "$@"; }
 
 ask() { # key, request: prints the answer's payload. Without ?_raw the plugin wraps it, base64 in JSON.
   local answer
@@ -88,6 +89,39 @@ square() { # side
   done
 }
 
+# Each beat is a curl, which also asks for the progress. One loop sends and reads: if it stalls, or this shell is killed,
+# no beat comes, and `yahboomd moves` stops the robot after half a second. There is no token by REST.
+moves() { # side
+  local reply id beat news state words silent=0
+  reply="$(ask yahboomd/moves/start "$(jq --null-input --argjson side "$1" '{kind: "straight", distance_m: $side} as $straight |
+    {kind: "turn", angle_rad: 1.5707963267948966} as $turn | {by: "curl", moves: [range(4) | $straight, $turn]}')")" || {
+    echo "Does \`yahboomd moves\` run beside it?" >&2
+    exit 69
+  }
+  [ "$(jq .success <<<"$reply")" = true ] || fail 75 "$(jq -r .message <<<"$reply")"
+  id="$(jq -r .data.id <<<"$reply")"
+  beat="{\"id\": \"$id\"}"
+  trap 'request --max-time 5 --data "'"${beat//\"/\\\"}"'" --output /dev/null "$ROBOT/${PREFIX}yahboomd/moves/cancel?_raw"' EXIT
+  trap 'exit 130' INT
+  trap 'exit 143' TERM
+  until [ $((silent += 1)) -gt 20 ]; do # progress comes ten times a second
+    news="$(request --max-time 0.4 --request PUT --data "$beat" --output /dev/null "$ROBOT/${PREFIX}yahboomd/moves/beat" \
+      --next "${REQUEST[@]}" --max-time 0.4 "$ROBOT/${PREFIX}yahboomd/moves?_raw")"
+    read -r state words < <(jq --raw-output --arg id "$id" 'select(.id == $id) |
+      "\(.state) \(100 * .done | floor) %, \(10 * .left_s | round | . / 10) s are left"' <<<"$news" 2>&-) || continue
+    silent=0
+    echo "$words"
+    if [ "$state" = ended ]; then
+      trap - EXIT
+      printf '%s\n' "$news"
+      [ "$(jq -r .reason <<<"$news")" = reached ] || fail 75 "$(jq -r .message <<<"$news")"
+      return
+    fi
+    sleep 0.05
+  done
+  fail 69 "\`yahboomd moves\` is gone: the robot stops by itself."
+}
+
 case "${1-} $#" in
   "pose 1" | "status 1") newest "yahboomd/$1" ;;
   "estop 1") call yahboomd/estop ;;
@@ -95,5 +129,6 @@ case "${1-} $#" in
   "config 1") call yahboomd/config ;;
   "set-pose 4") call yahboomd/odometry/set_pose "{\"x\": $2, \"y\": $3, \"theta\": $4}" ;;
   "square 1" | "square 2") square "${2-1}" ;;
+  "moves 1" | "moves 2") moves "${2-1}" ;;
   *) usage ;;
 esac

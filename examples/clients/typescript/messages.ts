@@ -26,7 +26,17 @@ export interface ServiceReply {
   data: Record<string, unknown>;
 }
 
+export interface MoveSample {
+  id: string;
+  state: string;
+  done: number;
+  left_s: number;
+  reason: string;
+  message: string;
+}
+
 export interface Messages {
+  MoveSample: MoveSample;
   PoseSample: PoseSample;
   StatusSample: StatusSample;
   ServiceReply: ServiceReply;
@@ -41,6 +51,7 @@ const map: Check = (value) => typeof value === "object" && value !== null && !Ar
 const optional = (check: Check): Check => (value) => value === undefined || value === null || check(value);
 
 const FIELDS: Record<keyof Messages, Record<string, Check>> = {
+  MoveSample: { stamp_ns: stamp, id: text, state: text, done: number, left_s: number, reason: text, message: text },
   PoseSample: {
     stamp_ns: stamp, seq: count, frame_id: text, child_frame_id: text, x: number, y: number, theta: number,
     covariance: (value) => Array.isArray(value) && value.length === 9 && value.every(number),

@@ -4,6 +4,7 @@
 import { readFileSync } from "node:fs";
 import { WebSocket } from "ws";
 import { decode, encode, type Messages } from "./messages.ts";
+import { driveMoves } from "./moves.ts";
 import { Robot, Unreachable } from "./robot.ts";
 import { Refused, Square } from "./square.ts";
 
@@ -13,7 +14,7 @@ console.log = console.warn = () => {}; // zenoh-ts reports there what the errors
 const ROBOT = process.env.ROBOT ?? "ws://127.0.0.1:8080/zenoh";
 const NAMESPACE = process.env.NAMESPACE ?? "";
 const USAGE = `usage: robot.mjs pose | status | estop | release | set-pose X Y THETA | config
-                | square [SIDE] | decode PoseSample|StatusSample|ServiceReply`;
+                | square [SIDE] | moves [SIDE] | decode PoseSample|StatusSample|ServiceReply`;
 
 function fail(code: number, words: string): never {
   process.stderr.write(`${words}\n`);
@@ -30,6 +31,18 @@ async function call(robot: Robot, service: string, request?: object): Promise<nu
   return reply.success ? 0 : 1;
 }
 
+/** Runs what asks `signalled` to end; returns the exit code of Ctrl-C or SIGTERM if one came. */
+async function untilSignal(run: (signalled: () => boolean) => Promise<void>): Promise<number> {
+  let signal = 0;
+  process.once("SIGINT", () => (signal = 130)).once("SIGTERM", () => (signal = 143));
+  try {
+    await run(() => signal > 0);
+  } catch (error) {
+    if (!signal) throw error;
+  }
+  return signal;
+}
+
 const COMMANDS: Record<string, [wanted: RegExp, run: (robot: Robot, ...numbers: number[]) => Promise<number | void>]> = {
   pose: [/^0$/, async (robot) => show(await robot.newest("yahboomd/pose", "PoseSample"))],
   status: [/^0$/, async (robot) => show(await robot.newest("yahboomd/status", "StatusSample"))],
@@ -38,15 +51,19 @@ const COMMANDS: Record<string, [wanted: RegExp, run: (robot: Robot, ...numbers: 
   config: [/^0$/, (robot) => call(robot, "yahboomd/config")],
   "set-pose": [/^3$/, (robot, x, y, theta) => call(robot, "yahboomd/odometry/set_pose", { x, y, theta })],
   square: [/^[01]$/, async (robot, side = 1) => {
-    let signal = 0;
-    process.once("SIGINT", () => (signal = 130)).once("SIGTERM", () => (signal = 143));
-    try {
-      const { x, y, theta } = await Square.drive(robot, side, () => signal > 0);
+    return untilSignal(async (signalled) => {
+      const { x, y, theta } = await Square.drive(robot, side, signalled);
       show({ x, y, theta });
-    } catch (error) {
-      if (!signal) throw error;
-      return signal;
-    }
+    });
+  }],
+  moves: [/^[01]$/, async (robot, side = 1) => {
+    return untilSignal(async (signalled) => {
+      const end = await driveMoves(robot, side, signalled, ({ done, left_s }) => {
+        process.stdout.write(`${Math.round(100 * done)} %, ${left_s.toFixed(1)} s are left\n`);
+      });
+      show(end);
+      if (end.reason !== "reached") throw new Refused(end.message);
+    });
   }],
 };
 

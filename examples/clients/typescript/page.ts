@@ -1,5 +1,6 @@
 // A page that drives the robot while a button is held.
 
+import { driveMoves } from "./moves.ts";
 import { Robot } from "./robot.ts";
 import { Square } from "./square.ts";
 
@@ -84,6 +85,14 @@ onClick("square", async (robot) => {
   square = true; // Any press, and a page that is left, cancels it.
   await Square.drive(robot, 0.5, () => !square);
   return "The square is closed.";
+});
+// No stop() before it: a zero command has precedence, and would end the moves.
+onClick("moves", async (robot) => {
+  square = true;
+  const { reason, message } = await driveMoves(robot, 0.5, () => !square || document.hidden, ({ done }) => {
+    element("answer").textContent = `${Math.round(100 * done)} %`;
+  });
+  return reason === "reached" ? "The square of moves is closed." : message;
 });
 
 async function connect(): Promise<void> {

@@ -65,12 +65,22 @@ export class Robot {
     return () => subscriber.undeclare();
   }
 
+  /** A token that is there until the returned function is called, or this program or page is gone. */
+  async declareToken(name: string): Promise<() => Promise<void>> {
+    const token = await this.session.liveliness().declareToken(this.key(name));
+    return () => token.undeclare();
+  }
+
   /** One velocity command, in m/s and rad/s. It lapses after half a second: repeat it. */
   async send(vx: number, wz: number): Promise<void> {
     // A stamp that is used twice marks a copy, and clocks of browsers tick in milliseconds.
     const now = BigInt(Date.now()) * 1_000_000n;
     this.stamp = now > this.stamp ? now : this.stamp + 1n;
-    await this.session.put(this.key("cmd_vel"), encode({ vx, wz, stamp_ns: this.stamp, source: "typescript" }));
+    await this.put("cmd_vel", { vx, wz, stamp_ns: this.stamp, source: "typescript" });
+  }
+
+  async put(name: string, message: object): Promise<void> {
+    await this.session.put(this.key(name), encode(message));
   }
 
   async close(): Promise<void> {
