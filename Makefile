@@ -59,8 +59,9 @@ lint: $(VENV)/.dev ## style and format
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 
-types: $(VENV)/.dev ## mypy, strict
+types: $(VENV)/.dev ## mypy, strict; the client as on Python 3.10
 	$(BIN)/mypy
+	$(BIN)/mypy --python-version 3.10 -p yahboomd.client
 
 imports: $(VENV)/.dev ## which room may import which
 	$(BIN)/lint-imports

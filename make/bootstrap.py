@@ -10,18 +10,54 @@ import sys
 OLDEST = (3, 11)
 
 
+NEWEST = (3, 14)
+
+
 def fail(sentence):
     sys.stderr.write("yahboomd: %s\n" % sentence)
     sys.exit(1)
 
 
-def check():
-    if sys.version_info < OLDEST:
-        fail(
-            "this is Python %d.%d, and yahboomd needs %d.%d or later. Point make at a newer one "
-            "(make PYTHON=python3.12 ...), or see docs/install.md for Ubuntu 22.04."
-            % (sys.version_info[0], sys.version_info[1], OLDEST[0], OLDEST[1])
+def output(*command):
+    """What a command prints, or nothing if it fails or does not exist."""
+    try:
+        running = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    except OSError:
+        return ""
+    printed = running.communicate()[0].decode().strip()
+    return printed if running.returncode == 0 else ""
+
+
+def newer():
+    """A Python on this machine that is new enough, also one that uv installed; or nothing."""
+    print_it = "import sys; print(sys.executable)"
+    for minor in range(NEWEST[1], OLDEST[1] - 1, -1):
+        found = output(
+            "python%d.%d" % (OLDEST[0], minor), "-c", "import ensurepip, venv; " + print_it
         )
+        if found:
+            return found
+    wanted = ("python", "find", ">=%d.%d" % OLDEST)
+    return output("uv", *wanted) or output(sys.executable, "-m", "uv", *wanted)
+
+
+def check():
+    """The Python to use: this one, or a newer one if this is too old."""
+    if sys.version_info < OLDEST:
+        found = newer()
+        if not found:
+            fail(
+                "this is Python %d.%d, and yahboomd needs %d.%d or later. uv brings one, also to "
+                "Ubuntu 22.04; make finds it: sudo apt install python3-pip && python3 -m pip "
+                "install --user uv && python3 -m uv python install 3.12 (or name one that you "
+                "have: make PYTHON=/path/to/python3.12 ...)"
+                % (sys.version_info[0], sys.version_info[1], OLDEST[0], OLDEST[1])
+            )
+        sys.stdout.write(
+            "yahboomd: this is Python %d.%d, which is too old; %s is used\n"
+            % (sys.version_info[0], sys.version_info[1], found)
+        )
+        return found
     try:
         import ensurepip  # noqa: F401
         import venv  # noqa: F401
@@ -29,6 +65,7 @@ def check():
         fail(
             "this Python has no working venv module. Install it with: sudo apt install python3-venv"
         )
+    return sys.executable
 
 
 def works(python):
@@ -44,12 +81,12 @@ def main():
     if len(sys.argv) != 3:
         fail("usage: bootstrap.py FOLDER EXTRAS")
     folder, extras = sys.argv[1], sys.argv[2]
-    check()
+    base = check()
     python = os.path.join(folder, "bin", "python")
     if not works(python):
         sys.stdout.write("yahboomd: making a virtual environment in %s\n" % folder)
         sys.stdout.flush()
-        make = [sys.executable, "-m", "venv", folder]
+        make = [base, "-m", "venv", folder]
         if os.path.exists(os.path.join(folder, "pyvenv.cfg")):
             # Clears an environment only, never another folder.
             make.append("--clear")

@@ -420,3 +420,11 @@ def test_a_shortage_is_known_by_its_error(error: BaseException, words: str) -> N
 )
 def test_another_error_is_no_shortage(error: BaseException) -> None:
     assert cli._shortage(error) is None
+
+
+def test_on_a_python_that_is_too_old_it_says_so_and_does_nothing(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(cli, "OLDEST", (9, 1))
+    assert cli.main(["status"]) == os.EX_CONFIG
+    assert capsys.readouterr().err.count("\n") == 1

@@ -10,14 +10,18 @@ import subprocess
 import sys
 from pathlib import Path
 
+from yahboomd.cli.main import OLDEST
+
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = ROOT / "make" / "bootstrap.py"
 
 
 def bootstrap(
-    *arguments: str, script: Path = SCRIPT, path: Path | None = None
+    *arguments: str, script: Path = SCRIPT, path: Path | None = None, first: Path | None = None
 ) -> subprocess.CompletedProcess[str]:
     environ = {**os.environ, "PYTHONPATH": str(path or "")}
+    if first is not None:
+        environ["PATH"] = f"{first}:{environ['PATH']}"
     return subprocess.run(
         [sys.executable, str(script), *arguments],
         capture_output=True,
@@ -56,13 +60,25 @@ def test_a_python_that_is_too_old_gets_a_sentence_with_the_way_out(tmp_path: Pat
     assert f"this is Python {sys.version_info[0]}.{sys.version_info[1]}" in done.stderr
     assert "needs 9.1 or later" in done.stderr
     assert "make PYTHON=" in done.stderr
+    assert "install --user uv" in done.stderr
     assert not (tmp_path / "venv").exists()
 
 
-def test_the_oldest_python_is_that_of_the_package() -> None:
-    wanted = re.search(r'requires-python = ">=(\d+)\.(\d+)"', (ROOT / "pyproject.toml").read_text())
-    assert wanted is not None
-    assert f"OLDEST = ({wanted[1]}, {wanted[2]})" in SCRIPT.read_text()
+def test_a_newer_python_beside_one_that_is_too_old_is_used(tmp_path: Path) -> None:
+    script, newer = tmp_path / "bootstrap.py", tmp_path / "bin" / "python9.2"
+    script.write_text(SCRIPT.read_text().replace("OLDEST = (3, 11)", "OLDEST = (9, 1)"))
+    environment(tmp_path)
+    (tmp_path / "bin" / "python").rename(newer)
+    newer.write_text(
+        f'#!/bin/sh\ncase "$1" in -c) echo {newer};; *) echo "$@" > {tmp_path}/made;; esac\n'
+    )
+    done = bootstrap(str(tmp_path / "venv"), "dev", script=script, first=newer.parent)
+    assert f"{newer} is used" in done.stdout
+    assert (tmp_path / "made").read_text().split() == ["-m", "venv", str(tmp_path / "venv")]
+
+
+def test_the_oldest_python_is_that_of_the_commands() -> None:
+    assert f"OLDEST = {OLDEST}" in SCRIPT.read_text()
 
 
 def test_an_old_python_can_read_the_script_at_all() -> None:

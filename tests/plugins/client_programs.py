@@ -82,6 +82,28 @@ def _python(name: str) -> Built:
     return Built([sys.executable, str(folder / "robot.py")], [sys.executable, str(arc)], arc)
 
 
+def oldest_python() -> Path:
+    """A Python 3.10 with what the client needs: the oldest that it runs on, that of Humble."""
+    places = [shutil.which("python3.10"), *Path.home().glob(".pyenv/versions/3.10.*/bin/python")]
+    works = [each for each in places if each and not subprocess.call([each, "-c", ""], stderr=-3)]
+    if not works:
+        raise Missing("there is no python3.10 here")
+    folder = CACHE / "python310"
+    made, wanted = folder / "made", (ROOT / "pyproject.toml").read_text()
+    if not made.exists() or made.read_text() != wanted:
+        _run(works[0], "-m", "venv", "--clear", folder, cwd=ROOT)
+        _run(folder / "bin/pip", "install", "-q", ROOT, cwd=ROOT)
+        made.write_text(wanted)
+    return folder / "bin" / "python"
+
+
+def _python_310() -> Built:
+    """The same programs. What is installed may be older than the tree, which is used."""
+    start = ["env", f"PYTHONPATH={ROOT}", str(oldest_python())]
+    now = _python("python_client")
+    return Built([*start, now.robot[-1]], [*start, now.arc[-1]], now.arc_source)
+
+
 def _run(*command: str | Path, cwd: Path, environ: dict[str, str] | None = None) -> None:
     """Runs a step of a build, and keeps its output beside its product."""
     log = CACHE / f"{cwd.name}.log"
@@ -141,6 +163,7 @@ def _curl() -> Built:
 PROGRAMS: dict[str, Program] = {
     "python": Program(partial(_python, "python"), slow=False),
     "python_client": Program(partial(_python, "python_client"), slow=False),
+    "python_310": Program(_python_310),
     "rust": Program(_rust),
     "c": Program(_c),
     "typescript": Program(_typescript, gateway="ws:/zenoh"),

@@ -41,6 +41,15 @@ FULL = (errno.ENOSPC, errno.EDQUOT)
 USAGE = 2
 """argparse's exit status for arguments that make no sense."""
 
+OLDEST = (3, 11)
+"""For the commands; :mod:`yahboomd.client` runs on 3.10."""
+
+TOO_OLD = """\
+yahboomd: this is Python {}.{}: yahboomd.client works here for your programs, but its commands \
+need 3.11 or later. uv brings one (PACKAGE is the wheel, or the folder of the source): \
+python3 -m pip install --user uv && python3 -m uv tool install --python 3.12 PACKAGE
+"""
+
 EPILOG = """\
 a first drive, without a robot:
   yahboomd simulate --link /tmp/board    in one terminal
@@ -97,6 +106,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         a missing port or bus, 77 for a missing permission), or 130 after Ctrl-C.
         a port or a bus that is not there, 77 for a missing permission), 130 after Ctrl-C.
     """
+    if sys.version_info < OLDEST:
+        sys.stderr.write(TOO_OLD.format(*sys.version_info))
+        return os.EX_CONFIG
     if argv is not None:
         return _run(list(argv))
     _fill_standard_streams()

@@ -9,7 +9,7 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import msgspec
 
@@ -34,12 +34,15 @@ from yahboomd.core.bus.alarms import READ_BYTES
 from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.options import BusOptions
 from yahboomd.core.bus.subscriptions import Arrival
-from yahboomd.core.clock import Clock, SystemClock, seconds
+from yahboomd.core.clock import Clock, SystemClock, seconds, timeout
 from yahboomd.core.errors import BusError, NoDaemon, Refused
 from yahboomd.core.messages.codecs import encode
 from yahboomd.core.messages.native import EstopRequest, SetPoseRequest, StatusSample, WheelsSample
 from yahboomd.core.model import STANDING_M_S, STANDING_READINGS, Twist2d
 from yahboomd.core.names import name_problem
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 log = logging.getLogger("yahboomd.client")
 
@@ -318,7 +321,7 @@ class AsyncRobot(NewestSamples, RobotMoves):
         slow = 0
         stream = self.samples(WheelsSample)
         try:
-            async with asyncio.timeout(within_s):
+            async with timeout(within_s):
                 async for sample in stream:
                     speeds = [abs(speed) for speed in sample.speed_m_s]
                     stands = bool(speeds) and max(speeds) < STANDING_M_S

@@ -19,7 +19,7 @@ from yahboomd.core.bus.keys import full_key
 from yahboomd.core.bus.options import BusOptions, zenoh_config
 from yahboomd.core.bus.presence import NeighbourChange, TokenChange
 from yahboomd.core.bus.subscriptions import Arrival
-from yahboomd.core.clock import Clock, nanoseconds
+from yahboomd.core.clock import Clock, nanoseconds, timeout
 from yahboomd.core.errors import BusError, NoDaemon
 from yahboomd.core.messages.native import StatusSample
 from yahboomd.core.names import is_local
@@ -123,7 +123,7 @@ class Connection:
             NoDaemon: It is not there in time; the message names the namespaces in use there.
         """
         try:
-            async with asyncio.timeout(None if wait_s == float("inf") else wait_s):
+            async with timeout(None if wait_s == float("inf") else wait_s):
                 await self._found.wait()
         except TimeoutError:
             others = await self._namespaces() if self.is_open else []

@@ -6,7 +6,7 @@ import asyncio
 import secrets
 from collections import deque
 from collections.abc import Sequence
-from typing import Protocol, Self
+from typing import TYPE_CHECKING, Protocol
 
 import msgspec
 import zenoh
@@ -35,6 +35,9 @@ from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.subscriptions import Arrival, Subscription
 from yahboomd.core.errors import NoDaemon, Refused, YahboomdError
 from yahboomd.core.messages.codecs import encode, encoding_name
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 ASK_S = 3.0
 """The longest wait for the answer to a start: the service may have to ask the daemon first."""

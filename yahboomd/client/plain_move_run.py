@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Coroutine, Iterator
 from contextlib import suppress
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any
 
 from yahboomd.client.move_messages import MoveSample
 from yahboomd.client.move_run import MoveRun
 from yahboomd.core.errors import BusError
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 
 class PlainMoveRun:

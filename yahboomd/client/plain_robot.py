@@ -13,7 +13,7 @@ from collections.abc import Callable, Coroutine, Iterator, Sequence
 from contextlib import suppress
 from functools import wraps
 from pathlib import Path
-from typing import Any, Concatenate, ParamSpec, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 import msgspec
 
@@ -25,8 +25,12 @@ from yahboomd.client.move_messages import Move
 from yahboomd.client.plain_move_run import PlainMoveRun
 from yahboomd.client.streams import NewestSamples, Samples
 from yahboomd.core.bus import keys
+from yahboomd.core.clock import timeout
 from yahboomd.core.errors import BusError, NoDaemon
 from yahboomd.core.model import Twist2d
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 log = logging.getLogger("yahboomd.client")
 
@@ -327,7 +331,7 @@ class Robot(NewestSamples):
 
     def _iterate(self, stream: Samples[Message], timeout_s: float) -> Iterator[Message]:
         async def following() -> Message | None:
-            async with asyncio.timeout(None if timeout_s == math.inf else timeout_s):
+            async with timeout(None if timeout_s == math.inf else timeout_s):
                 return await anext(stream, None)
 
         try:

@@ -13,7 +13,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
 from functools import cache
-from typing import Generic, Self, TypeVar, get_args
+from typing import TYPE_CHECKING, Generic, TypeVar, get_args
 
 import msgspec
 from msgspec import structs
@@ -35,6 +35,9 @@ from yahboomd.core.messages.native import (
     WheelsSample,
 )
 from yahboomd.core.program import pasteable, plain
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 Message = TypeVar("Message", bound=msgspec.Struct)
 

@@ -10,12 +10,29 @@ from __future__ import annotations
 import asyncio
 import ctypes
 import os
+import sys
 import time
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from typing import NoReturn, Protocol
 
 from yahboomd.core.model import NS_PER_S
+
+if sys.version_info >= (3, 11):
+    from asyncio import timeout as timeout  # noqa: PLC0414 - for others
+else:
+    import async_timeout
+
+    @asynccontextmanager
+    async def timeout(within_s: float | None) -> AsyncIterator[None]:
+        """As ``asyncio.timeout`` of Python 3.11, for clients on 3.10: a built-in TimeoutError."""
+        try:
+            async with async_timeout.timeout(within_s):
+                yield
+        except asyncio.TimeoutError:
+            raise TimeoutError from None
+
 
 PAUSE_NS = 300_000_000
 """A gap this long means that the process did not run: no control loop is that late by itself."""

@@ -14,7 +14,7 @@ import threading
 from collections.abc import Callable
 from typing import TypeVar
 
-from yahboomd.core.clock import SystemClock, nanoseconds, seconds
+from yahboomd.core.clock import SystemClock, nanoseconds, seconds, timeout
 
 log = logging.getLogger(__name__)
 
@@ -98,7 +98,7 @@ async def bounded(
     _start(run, name)
     # Not wait_for: up to Python 3.11 it forgets a cancellation that comes with the result.
     try:
-        async with asyncio.timeout(timeout_s):
+        async with timeout(timeout_s):
             return await future
     except (asyncio.CancelledError, TimeoutError):
         if future.done() and not future.cancelled() and future.exception() is None:

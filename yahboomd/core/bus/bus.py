@@ -15,7 +15,7 @@ import logging
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterable
-from typing import Protocol, Self, TypeVar
+from typing import Protocol, TypeVar
 
 import zenoh
 
@@ -183,7 +183,7 @@ class Bus:
         self._declared.append(declaration)
         return declaration
 
-    async def __aenter__(self) -> Self:
+    async def __aenter__(self) -> Bus:  # noqa: PYI034 - Self is of 3.11
         await self.open()
         return self
 
