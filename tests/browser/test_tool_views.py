@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import tomllib
 from collections.abc import Callable, Iterator
@@ -193,6 +194,8 @@ def test_a_calibration_by_tape_through_the_page_writes_the_true_size(
     answer("far")
     page.says(".wizard .error", "A number of metres")
     answer(f"{length_m:.4f}")
+    page.says(".question", "How far to the left of its line")
+    answer("")
     for _ in range(2):
         there(page, ".calibrate .hold")
         _, turned = run()
@@ -209,6 +212,49 @@ def test_a_calibration_by_tape_through_the_page_writes_the_true_size(
     page.says(".calibrate", "Taken back")
     assert not file.exists()
     begin(page)
+
+
+MEASURED = {
+    "straight": ("length", "left"),
+    "turn": ("beyond",),
+    "sideways": ("length",),
+    "square": ("ahead", "left", "heading"),
+}
+QUESTIONS = [
+    {"name": name, "run": f"{run} {way}" if way else run}
+    for run, measured in MEASURED.items()
+    for way in ((None,) if run == "straight" else ("left", "right"))
+    for name in ("move", "moved", *measured)
+] + [{"name": "rest"}, {"name": "turned"}]
+"""All that a person is asked to do, and to measure."""
+
+LOOK = """async (asked) => {
+    const { picture } = await import('/page/calibrate_pictures.js');
+    const found = picture(asked);
+    document.getElementById('main').append(found);
+    const svg = found.querySelector('svg'), seen = svg.getBoundingClientRect();
+    const spills = [...svg.querySelectorAll(':scope > :not(defs)')].filter((each) => {
+        const box = each.getBoundingClientRect();
+        return box.left < seen.left - 1 || box.right > seen.right + 1
+            || box.top < seen.top - 1 || box.bottom > seen.bottom + 1;
+    });
+    const result = { bytes: svg.innerHTML.length, words: found.innerText, spills: spills.length };
+    found.remove();
+    return result;
+}"""
+
+
+def test_every_question_has_a_small_picture_and_a_measure_says_between_which_points(
+    bench: PageBench,
+) -> None:
+    with bench.page(bench.url) as page:
+        for asked in QUESTIONS:
+            found = page.evaluate(f"({LOOK})({json.dumps(asked)})")
+            assert found["bytes"] < 1800, asked
+            assert found["spills"] == 0, asked
+            measures = asked["name"] not in {"move", "moved", "rest", "turned"}
+            assert found["words"].endswith(".") == measures, asked
+        assert page.problems() == []
 
 
 def test_a_recording_is_made_downloaded_and_removed(bench: PageBench, tmp_path: Path) -> None:

@@ -162,6 +162,7 @@ class TapeAndMarks:
 
     Attributes:
         asked: The names of the questions.
+        runs: The runs that these are about.
         said: What they were shown.
         facts: The result.
     """
@@ -170,11 +171,15 @@ class TapeAndMarks:
 
     def __init__(self, truth: Callable[[], Pose2d], turns: int) -> None:
         self.asked: list[str] = []
+        self.runs: list[str] = []
         self.said: list[str] = []
         self.facts: dict[str, Any] = {}
         self._truth = truth
         self._turns = turns
         self._begin = Pose2d(x=0.0, y=0.0, theta=0.0)
+
+    def about(self, run: str) -> None:
+        self.runs.append(run)
 
     async def confirm(self, name: str, words: str) -> None:
         raise AssertionError(f"{name}: {words}")

@@ -35,6 +35,7 @@ async def test_a_tape_finds_the_true_size_and_writes_it(tmp_path: Path) -> None:
     chassis = read(None, environ={"STATE_DIRECTORY": str(tmp_path)}).config.chassis
     assert chassis.wheel_radius_multiplier["left"] == pytest.approx(0.0345 / 0.0335, rel=2e-3)
     assert chassis.wheel_separation_multiplier == pytest.approx(0.162 / 0.150, rel=2e-3)
+    assert person.runs == ["straight", "turn left", "turn right"]
     assert person.facts["written"] == str(tmp_path / "calibration.toml")
 
 

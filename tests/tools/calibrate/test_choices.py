@@ -61,5 +61,5 @@ def test_a_field_is_described_for_the_command_and_the_form() -> None:
     )
     assert (turns.whole, turns.unit, turns.more) == (True, "", False)
     assert (fields["by-hand"].least, fields["by-hand"].default) == (None, False)
-    # The usual ones first.
-    assert [each.more for each in fields.values()] == sorted(each.more for each in fields.values())
+    usual, speeds = ["straight", "turns"], ["speed", "turn-speed", "sideways"]
+    assert list(fields) == [*usual, *speeds, "by-hand", "dry-run"]

@@ -96,11 +96,11 @@ class ChoiceField(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
 
 
 def fields_of(choices: type[Choices]) -> tuple[ChoiceField, ...]:
-    """The choices of one calibration, the usual ones first."""
+    """The choices of one calibration, the usual ones first, numbers before switches."""
     kind = inspect.type_info(choices)
     assert isinstance(kind, inspect.StructType)
     found = [_described(each) for each in kind.fields]
-    return tuple(sorted(found, key=lambda each: each.more))
+    return tuple(sorted(found, key=lambda each: (each.more, each.least is None)))
 
 
 def _described(each: inspect.Field) -> ChoiceField:

@@ -33,6 +33,8 @@ class AskedQuestion(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=Tru
 
     Attributes:
         kind: ``confirm``, ``start``, ``hold`` or ``number``.
+        run: Of a tape or squares, the run that it is about: ``straight``, ``turn``, ``sideways`` or
+            ``square``, the last three with ``left`` or ``right``.
         unit: Of a number.
         wrong: Why the answer before was refused.
         bounds: Of the movement: ``distance_m``, ``turn_rad``, ``time_s``.
@@ -42,6 +44,7 @@ class AskedQuestion(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=Tru
     name: str
     kind: str
     text: str
+    run: str = ""
     unit: str = ""
     wrong: str = ""
     bounds: dict[str, float] | None = None
@@ -89,6 +92,7 @@ class Dialogue:
         self._hold = hold
         self._asked = 0
         self._id = ""
+        self._run = ""
         self._answer: asyncio.Future[str] | None = None
         self._reported = (0, 0)
 
@@ -117,8 +121,14 @@ class Dialogue:
         self._asked += 1
         self._id = f"{name}-{self._asked}"
         self._answer = asyncio.get_running_loop().create_future()
-        self._tell(AskedQuestion(id=self._id, name=name, kind=kind, text=text, **more))
+        self._tell(
+            AskedQuestion(id=self._id, name=name, kind=kind, text=text, run=self._run, **more)
+        )
         return await self._answer
+
+    def about(self, run: str) -> None:
+        """Name it in the next questions."""
+        self._run = run
 
     async def confirm(self, name: str, words: str) -> None:
         """Wait for any answer."""

@@ -147,11 +147,12 @@ class _Wizard:
     async def by_tape(self, options: TapeRuns, *, bend: bool) -> list[Run]:
         runs = [await self._straight(bend=bend, heading=False)]
         for left in (True, False):
-            way = "to the left" if left else "to the right"
+            way = "left" if left else "right"
             whole = 2.0 * math.pi * options.turns * (1.0 if left else -1.0)
             await self._move(
+                f"turn {way}",
                 turns(whole, options.turn_rad_s),
-                f"Turn {options.turns:g} times {way}: mark the direction of the robot.",
+                f"Turn {options.turns:g} times to the {way}: mark the direction of the robot.",
             )
             beyond = await self._person.number(BEYOND)
             assert beyond is not None
@@ -167,6 +168,7 @@ class _Wizard:
         for left in (True, False):
             way = "left" if left else "right"
             await self._move(
+                f"sideways {way}",
                 sideways(side_m if left else -side_m, self._choices.speed_m_s),
                 f"{side_m:g} m to the {way}, sideways: mark the robot's place.",
             )
@@ -181,6 +183,7 @@ class _Wizard:
             way = "left" if left else "right"
             for count in range(1, options.count + 1):
                 await self._move(
+                    f"square {way}",
                     square(options.side_m, options.speed_m_s, options.turn_rad_s, left=left),
                     f"Square {count} of {options.count:g} to the {way}: put the robot on its mark.",
                 )
@@ -211,6 +214,7 @@ class _Wizard:
         """
         metres = self._choices.straight_m
         await self._move(
+            "straight",
             straight(metres, self._choices.speed_m_s),
             f"A straight of {metres:g} m: mark the robot's place.",
         )
@@ -254,15 +258,14 @@ class _Wizard:
         assert value is not None
         return value / 1000.0
 
-    async def _move(self, legs: list[Leg], words: str) -> None:
+    async def _move(self, run: str, legs: list[Leg], words: str) -> None:
         """Announce a shape, wait for the person, and drive it or have it driven by hand."""
         person, driver = self._person, self._driver
+        person.about(run)
         if self._choices.by_hand:
             await driver.begin()
-            person.say(f"{words} Then move it like this.")
-            await driver.by_hand(
-                person.confirm("moved", f"{person.enter} when it stands at the end.")
-            )
+            words = f"{words} Then move it like this. {person.enter} when it stands at the end."
+            await driver.by_hand(person.confirm("moved", words))
             return
         while True:
             await driver.begin(person.start("move", words, driver.bounds(legs)))

@@ -54,6 +54,9 @@ class Person(Protocol):
 
     enter: str
 
+    def about(self, run: str) -> None:
+        """The next questions are about this run, such as ``turn left``: for pictures."""
+
     async def confirm(self, name: str, words: str) -> None:
         """Ask them to do something, and wait until they confirm that it is done."""
 
@@ -85,6 +88,9 @@ class Answers:
         self._as_json = as_json
         self._lines = InputLines()
         self._part = 0
+
+    def about(self, run: str) -> None:
+        """A terminal shows no pictures."""
 
     async def confirm(self, name: str, words: str) -> None:
         """Wait for Enter."""

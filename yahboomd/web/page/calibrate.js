@@ -1,6 +1,7 @@
 // Calibration: the questions of the wizard, and a button by which the robot moves while it is held.
 
 import { Choice } from "./calibrate_choice.js";
+import { picture } from "./calibrate_pictures.js";
 import { Deadman } from "./deadman.js";
 import { el, write } from "./dom.js";
 import { HoldButton } from "./hold_button.js";
@@ -45,6 +46,7 @@ export function create(app) {
     choice.start.disabled = false;
     write(why, answer.ok ? "" : answer.text);
   });
+  const setup = el("div", { class: "card" }, el("p", {}, "New motors, wheels or plugs? Set the robot up first, in its terminal:"), el("code", {}, "yahboomd setup"));
   const undo = el("button", { type: "button", onclick: () => undoNow() }, "Take the newest calibration back");
   const undoWords = el("p", { role: "status" });
   const undoCard = el("div", { class: "card" }, el("p", {}, "The calibration before counts again, from the next start of yahboomd."), undo, undoWords);
@@ -57,12 +59,13 @@ export function create(app) {
   }
 
   const text = el("p", { class: "question", "aria-live": "polite" });
+  const drawn = el("div", { class: "drawn" });
   const wrong = el("p", { class: "error", role: "alert" });
   const answer = el("div", { class: "answer" });
   const bar = el("progress", { max: 1, value: 0, "aria-label": "How far the movement is" });
   const words = el("p", { class: "words", role: "status" });
   const end = el("button", { type: "button", onclick: () => connection.tool("end_calibration") }, "End the calibration");
-  const running = el("div", { class: "card wizard" }, text, wrong, bar, answer, words, end);
+  const running = el("div", { class: "card wizard" }, text, drawn, wrong, bar, answer, words, end);
 
   const said = el("ul", { class: "said" });
   const table = el("pre", { tabindex: "0", role: "region", "aria-label": "Result" });
@@ -74,6 +77,7 @@ export function create(app) {
     asked = question?.id ?? "";
     write(text, question?.text ?? "A moment\u2026");
     write(wrong, question?.wrong ?? "");
+    drawn.replaceChildren(question ? picture(question) : "");
     const send = (value) => connection.tool("answer", { question: question.id, text: value });
     const form = () => {
       const input = el("input", { type: "text", inputmode: question.name === "length" ? "decimal" : "text", autocomplete: "off", id: "answer", maxlength: "20", required: question.name === "length" });
@@ -97,7 +101,7 @@ export function create(app) {
     const now = state();
     const runs = now.page !== null;
     choice.offer(live.newest("hello")?.calibrations ?? {});
-    choice.element.hidden = undoCard.hidden = runs || live.newest("hello")?.role !== "driver";
+    choice.element.hidden = setup.hidden = undoCard.hidden = runs || live.newest("hello")?.role !== "driver";
     watcher.hidden = live.newest("hello")?.role === "driver";
     running.hidden = !runs;
     end.hidden = !mine();
@@ -140,7 +144,7 @@ export function create(app) {
   for (const type of ["hello", "control", "daemon", "status", "link"]) live.on(type, show);
 
   const watcher = el("p", { class: "card" }, "This link may watch. To calibrate, open the link to drive.");
-  const element = el("section", { class: "calibrate" }, watcher, running, outcome, choice.element, why, undoCard);
+  const element = el("section", { class: "calibrate" }, watcher, running, outcome, choice.element, why, undoCard, setup);
   ask(state().question);
   let clock = 0;
   return {
