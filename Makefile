@@ -29,7 +29,8 @@ help: ## this list
 	  /^[a-z-]+:.*## /{printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 .PHONY: help
 
-$(VENV)/.run: pyproject.toml make/bootstrap.py
+# Installed again after each commit or pull: its version is that of the source.
+$(VENV)/.run: pyproject.toml make/bootstrap.py $(wildcard .git/logs/HEAD)
 	@$(PYTHON) make/bootstrap.py $(VENV) monitor,web
 	@touch $@
 

@@ -13,6 +13,7 @@ import argparse
 import gzip
 import hashlib
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -50,7 +51,8 @@ def main() -> int:
         # A restrictive umask must not make a package unreadable.
         os.umask(0o022)
         version = _environment(work, stage, python)
-        version = f"{version}-1~{name}"
+        # For dpkg a development version, such as 0.1.dev7, comes before its release.
+        version = re.sub(r"\.?(dev|rc|a|b)(?=\d)", r"~\1", version, count=1) + f"-1~{name}"
         _files(stage, version, pretty)
         architecture = _output("dpkg", "--print-architecture")
         _control(stage, version, architecture, python, pretty)

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 
 import msgspec
 
+from yahboomd import __version__
 from yahboomd.cli.shared_options import (
     add_bus_options,
     add_config_options,
@@ -283,6 +284,7 @@ def _say(args: argparse.Namespace, words: str) -> None:
 
 
 def _json(report: Report) -> str:
+    report = msgspec.structs.replace(report, yahboomd=__version__)
     return readable(msgspec.json.format(msgspec.json.encode(report), indent=2).decode())
 
 

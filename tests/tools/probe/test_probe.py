@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from real_robot import free_endpoint
 
+from yahboomd import __version__
 from yahboomd.cli.main import main
 from yahboomd.core.link import latency_timer
 from yahboomd.core.protocol.registry import DIALECTS
@@ -40,6 +41,7 @@ def test_a_polled_board_is_named_and_says_that_it_stores_nothing(simulated_board
         "kept",
     )
     assert "settings" not in found
+    assert found["yahboomd"] == __version__
     assert main(["probe", "--port", board.port, "--write"]) == 0
     assert "Nothing was stored: the board shows no settings." in capsys.readouterr().out
 

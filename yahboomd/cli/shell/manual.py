@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 
 import msgspec
 
-from yahboomd import __version__
+from yahboomd import RELEASE
 from yahboomd.cli.shell.command_tree import Argument, CommandNode
 
 DATE = "2026-11-22"
@@ -156,7 +156,7 @@ def _joined(lines: list[str]) -> str:
 def _head(command: CommandNode, line: str) -> list[str]:
     name = "-".join(command.words)
     return [
-        f'.TH {_escaped(name.upper())} 1 {DATE} "yahboomd {__version__}" "User commands"',
+        f'.TH {_escaped(name.upper())} 1 {DATE} "yahboomd {RELEASE}" "User commands"',
         ".SH NAME",
         f"{_escaped(name)} \\- {_escaped(line)}",
     ]

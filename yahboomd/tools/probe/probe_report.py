@@ -67,6 +67,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
         settings: The stored values; empty if the board stores none.
         problems: Why the board must not be driven like this, each with its remedy.
         stored: The values that `--write` tried to store.
+        yahboomd: The version of the probe.
     """
 
     port: str = ""
@@ -81,6 +82,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     settings: tuple[SettingRow, ...] = ()
     problems: tuple[str, ...] = ()
     advice: tuple[str, ...] = ()
+    yahboomd: str = ""
     error: str | None = None
     ports: tuple[Candidate, ...] = ()
     stored: tuple[StoredValue, ...] = ()

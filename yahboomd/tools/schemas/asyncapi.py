@@ -16,7 +16,7 @@ from typing import Any
 
 import msgspec
 
-from yahboomd import __version__
+from yahboomd import RELEASE
 from yahboomd.core.bus import keys
 from yahboomd.core.bus.publishers import PriorityName
 from yahboomd.core.config.outputs import Zenoh
@@ -273,7 +273,7 @@ def _whole(made: _Document) -> Json:
         "asyncapi": "3.0.0",
         "info": {
             "title": "yahboomd",
-            "version": __version__,
+            "version": RELEASE,
             "description": _DESCRIPTION,
             "license": {"name": "Apache-2.0"},
         },
