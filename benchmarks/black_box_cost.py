@@ -25,10 +25,10 @@ from benchmarks import latency, rig
 from benchmarks.ratios import listen, memory_mb
 from benchmarks.report import median, quantile
 from benchmarks.thin_board import read_log
-from yahboomd.core.blackbox.recorder import Recorder
-from yahboomd.core.blackbox.records import CommandRecord, encode
-from yahboomd.core.blackbox.ring import Ring
-from yahboomd.core.blackbox.ring_file import SEGMENT_BYTES, SEGMENTS
+from yahboomd.blackbox.recorder import Recorder
+from yahboomd.blackbox.records import CommandRecord, encode
+from yahboomd.blackbox.ring import Ring
+from yahboomd.blackbox.ring_file import SEGMENT_BYTES, SEGMENTS
 from yahboomd.core.model import Twist2d
 
 Put = Callable[[bytes], object]

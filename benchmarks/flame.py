@@ -17,6 +17,7 @@ COLOURS = {
     "yahboomd.core.daemon": "#e76f51",
     "yahboomd.core.messages": "#90a8ed",
     "yahboomd.core.bus": "#c77dff",
+    "yahboomd.ros2": "#9d4edd",
     "yahboomd": "#f7b9a6",
     "asyncio": "#bbbbbb",
     "selectors": "#dddddd",
@@ -41,9 +42,9 @@ def by_room(stacks: Stacks) -> Counter[str]:
     rooms: Counter[str] = Counter()
     for stack, count in stacks.items():
         ours = [name for name in stack if name.startswith("yahboomd.")]
+        parts = ours[-1].split(":")[0].split(".") if ours else ["asyncio"]
         # A door is one level, a room of the core two.
-        room = ".".join(ours[-1].split(":")[0].split(".")[:3]) if ours else "asyncio"
-        rooms[room] += count
+        rooms[".".join(parts[: 3 if parts[1:2] == ["core"] else 2])] += count
     return rooms
 
 

@@ -19,7 +19,7 @@ from hypothesis import HealthCheck, settings
 from real_robot import client, real_robot
 from zenoh_fixtures import zenoh_router
 
-from yahboomd.core.blackbox.ring_file import ring_folder
+from yahboomd.blackbox.ring_file import ring_folder
 from yahboomd.simulation import virtual_time
 
 # A shell ignores these for its background jobs, `nohup` the first one, and every process inherits
@@ -123,7 +123,7 @@ def patience() -> Iterator[None]:
     """
     with pytest.MonkeyPatch.context() as patch:
         for name in (
-            "yahboomd.core.daemon.box_writer.END_S",
+            "yahboomd.blackbox.box_writer.END_S",
             "yahboomd.core.daemon.estop.latch.LOAD_WITHIN_S",
             "yahboomd.core.daemon.estop.latch.RELEASE_WITHIN_S",
             "yahboomd.core.daemon.estop.latch.SETTLE_S",

@@ -21,7 +21,7 @@ SOURCES = [
     if path.stem not in {"__init__", "__main__"}
 ]
 CORE = {path.parts[1] for path in SOURCES if path.parts[0] == "core" and len(path.parts) > 2}
-ROOMS = CORE | {"cli", "client", "moves", "ros2", "simulation", "tools", "web"}
+ROOMS = CORE | {"blackbox", "cli", "client", "moves", "ros2", "simulation", "tools", "web"}
 
 
 READING_PATH = re.findall(
@@ -41,7 +41,7 @@ def test_the_path_for_a_reader_is_there_and_can_be_read_in_a_day() -> None:
     assert lines_of(ROOT / "yahboomd" / name for name in READING_PATH) <= READ_IN_A_DAY
 
 
-MOST_LINES_OF_THE_CORE = 27860
+MOST_LINES_OF_THE_CORE = 26041
 """It only shrinks. A commit that raises it gives the reason, and takes as much away soon."""
 
 

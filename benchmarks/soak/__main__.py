@@ -29,8 +29,8 @@ from benchmarks.soak.schedule import (
     Turn,
     segments,
 )
-from yahboomd.core.blackbox.box_file import read_box
-from yahboomd.core.blackbox.saved_boxes import BYTES_MOST, FILES_MOST, saved_boxes
+from yahboomd.blackbox.box_file import read_box
+from yahboomd.blackbox.saved_boxes import BYTES_MOST, FILES_MOST, saved_boxes
 from yahboomd.core.errors import YahboomdError
 from yahboomd.tools.blackbox.box_places import box_bytes
 

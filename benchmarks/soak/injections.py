@@ -9,7 +9,7 @@ import time
 from benchmarks.soak.course import BRAKE_S, NEAR_ZERO, Course
 from benchmarks.soak.processes import WATCHDOG_S, Helper
 from benchmarks.soak.tail import Order, is_stop
-from yahboomd.core.blackbox.ring_file import ring_folder, rings
+from yahboomd.blackbox.ring_file import ring_folder, rings
 from yahboomd.core.config import runtime_folder
 
 TIMEOUT_S = 0.5

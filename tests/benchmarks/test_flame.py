@@ -20,6 +20,17 @@ def test_waiting_and_what_came_before_the_loop_do_not_count(tmp_path) -> None:
     assert flame.by_function(stacks) == {"yahboomd.core.link.writer:Writer._pump": 5}
 
 
+def test_a_door_is_one_level_and_a_room_of_the_core_two() -> None:
+    stacks = {
+        ("asyncio.events:run", "yahboomd.blackbox.records:encode"): 3,
+        ("asyncio.events:run", "yahboomd.blackbox.ring:Ring.write"): 2,
+        ("asyncio.events:run", "yahboomd.core.bus.bus:Bus.key"): 1,
+        ("asyncio.events:run",): 4,
+    }
+    rooms = flame.by_room(stacks)
+    assert rooms == {"yahboomd.blackbox": 5, "yahboomd.core.bus": 1, "asyncio": 4}
+
+
 def test_the_graph_is_svg_and_names_the_functions(tmp_path) -> None:
     (tmp_path / "stacks").write_text(LINES)
     flame.draw(flame.read(tmp_path / "stacks"), tmp_path / "flame.svg", "a < b")

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import pytest
 from made_boxes import HEADER, SEGMENT_BYTES, into
 
-from yahboomd.core.blackbox.box_file import Header, encode_header
-from yahboomd.core.blackbox.ring import Ring
+from yahboomd.blackbox.box_file import Header, encode_header
+from yahboomd.blackbox.ring import Ring
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from made_boxes import HEADER, ring_of, saved_box
 
-from yahboomd.core.blackbox.box_file import (
+from yahboomd.blackbox.box_file import (
     MAGIC,
     PREFIX,
     NotABox,
@@ -22,7 +22,7 @@ from yahboomd.core.blackbox.box_file import (
     robot_slug,
     segments_of,
 )
-from yahboomd.core.blackbox.records import RECEIVED, REPEATED, Ended, Received
+from yahboomd.blackbox.records import RECEIVED, REPEATED, Ended, Received
 
 
 def filled(memory, count=300):

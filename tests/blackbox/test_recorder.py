@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from yahboomd.core.blackbox import records
-from yahboomd.core.blackbox.box_file import read_box
-from yahboomd.core.blackbox.recorder import COMMANDS_A_SECOND, Recorder
+from yahboomd.blackbox import records
+from yahboomd.blackbox.box_file import read_box
+from yahboomd.blackbox.recorder import COMMANDS_A_SECOND, Recorder
 from yahboomd.core.model import EncoderReading, Event, Twist2d
 
 SECOND_NS = 1_000_000_000

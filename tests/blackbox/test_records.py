@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.core.blackbox import records
-from yahboomd.core.blackbox.records import decode, encode
+from yahboomd.blackbox import records
+from yahboomd.blackbox.records import decode, encode
 from yahboomd.core.model import Event, Pose2d
 
 ALL = [

@@ -7,9 +7,9 @@ import random
 from made_boxes import HEADER
 from msgspec import structs
 
-from yahboomd.core.blackbox.box_file import encode_header, read_box
-from yahboomd.core.blackbox.records import COMMAND, RECEIVED, encode
-from yahboomd.core.blackbox.ring import Ring
+from yahboomd.blackbox.box_file import encode_header, read_box
+from yahboomd.blackbox.records import COMMAND, RECEIVED, encode
+from yahboomd.blackbox.ring import Ring
 
 SECOND_NS = 1_000_000_000
 
@@ -118,6 +118,6 @@ def test_a_segment_says_that_it_was_begun(memory):
 
 
 def encode_command() -> bytes:
-    from yahboomd.core.blackbox.records import CommandRecord
+    from yahboomd.blackbox.records import CommandRecord
 
     return encode(CommandRecord(source="cmd_vel", vx=0.0, vy=0.0, wz=0.0))[1]

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.core.blackbox.box_file import encode_header, read_box
-from yahboomd.core.blackbox.records import Ended, Received, encode
-from yahboomd.core.blackbox.ring_file import (
+from yahboomd.blackbox.box_file import encode_header, read_box
+from yahboomd.blackbox.records import Ended, Received, encode
+from yahboomd.blackbox.ring_file import (
     LEFT_MOST,
     SEGMENTS,
     RingFile,
@@ -111,7 +111,7 @@ signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (10000, 10000))
 sys.path.insert(0, "tests/plugins")
 from made_boxes import HEADER
-from yahboomd.core.blackbox.ring_file import RingFile
+from yahboomd.blackbox.ring_file import RingFile
 try:
     RingFile(Path(sys.argv[1]), HEADER)
 except OSError as error:

@@ -8,8 +8,8 @@ import stat
 
 import pytest
 
-from yahboomd.core.blackbox import saved_boxes as room
-from yahboomd.core.blackbox.saved_boxes import BYTES_MOST, FILES_MOST, save_box, saved_boxes
+from yahboomd.blackbox import saved_boxes as room
+from yahboomd.blackbox.saved_boxes import BYTES_MOST, FILES_MOST, save_box, saved_boxes
 
 WALL_NS = 1_795_370_130_000_000_000
 

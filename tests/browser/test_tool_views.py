@@ -14,7 +14,7 @@ from mcap.reader import make_reader
 from page_bench import LONG, PageBench
 from real_robot import wait_for
 
-from yahboomd.core.blackbox.box_file import read_box
+from yahboomd.blackbox.box_file import read_box
 
 pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser")]
 

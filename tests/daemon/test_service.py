@@ -19,6 +19,7 @@ import pytest
 import zenoh
 from zenoh_fixtures import PATIENCE_S, eventually, free_endpoint
 
+from yahboomd.blackbox.box_keeper import BoxKeeper
 from yahboomd.core.bus import keys
 from yahboomd.core.bus.publishers import PRIORITIES, BusPublisher
 from yahboomd.core.clock import Schedule, SystemClock
@@ -55,6 +56,7 @@ class Running:
         self.daemon = Daemon(
             self.config,
             environ=environ,
+            black_box=BoxKeeper,
             planes=(Ros2Plane(),),
             clock=SystemClock(),
             opener=self.open,
@@ -376,7 +378,7 @@ async def test_a_bus_that_cannot_be_opened_is_reported_without_a_traceback(tmp_p
     ).config
     environ = {"RUNTIME_DIRECTORY": str(tmp_path), "STATE_DIRECTORY": str(tmp_path)}
     with pytest.raises(BusError):
-        await Daemon(config, environ=environ).run()
+        await Daemon(config, environ=environ, black_box=BoxKeeper).run()
 
 
 async def test_a_service_is_ready_once_the_port_that_it_listens_on_is_free(tmp_path: Path) -> None:
@@ -404,7 +406,7 @@ async def test_a_service_is_ready_once_the_port_that_it_listens_on_is_free(tmp_p
             "STATE_DIRECTORY": str(tmp_path),
             "NOTIFY_SOCKET": manager.getsockname(),
         }
-        daemon = Daemon(config, environ=environ)
+        daemon = Daemon(config, environ=environ, black_box=BoxKeeper)
         with socket.create_server((host, int(port))):
             task = asyncio.create_task(daemon.run())
             await eventually(hear)

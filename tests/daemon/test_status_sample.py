@@ -11,9 +11,9 @@ import pytest
 from robot_bench import RobotBench
 from status_check import assert_registered
 
+from yahboomd.blackbox.box_keeper import BoxKeeper
 from yahboomd.core.bus.presence import Neighbour
 from yahboomd.core.config import Config
-from yahboomd.core.daemon.black_box import BoxKeeper
 from yahboomd.core.daemon.recorders import Recorders
 from yahboomd.core.daemon.status_sample import Status
 from yahboomd.core.messages.status_fields import ZEROS

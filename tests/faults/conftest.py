@@ -14,6 +14,7 @@ from board_bench import BoardPort
 from fault_bench import is_stop, orders_of
 from zenoh_fixtures import eventually, free_endpoint
 
+from yahboomd.blackbox.box_keeper import BoxKeeper
 from yahboomd.core.clock import SystemClock
 from yahboomd.core.config import read
 from yahboomd.core.daemon.service import Daemon
@@ -50,6 +51,7 @@ class InnerDaemon:
         self.daemon = Daemon(
             config,
             environ=environ,
+            black_box=BoxKeeper,
             planes=(Ros2Plane(),),
             clock=SystemClock(),
             opener=self._open,

@@ -12,6 +12,7 @@ import os
 import signal
 import sys
 
+from yahboomd.blackbox.box_keeper import BoxKeeper
 from yahboomd.core.config import read
 from yahboomd.core.daemon.service import Daemon
 from yahboomd.ros2.ros2_plane import Ros2Plane
@@ -29,7 +30,9 @@ def main() -> None:
         if pid == 0:
             libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-            asyncio.run(Daemon(config, environ=os.environ, planes=(Ros2Plane(),)).run())
+            asyncio.run(
+                Daemon(config, environ=os.environ, black_box=BoxKeeper, planes=(Ros2Plane(),)).run()
+            )
             os._exit(0)
         print(pid, flush=True)
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from yahboomd.core.blackbox.box_file import (
+from yahboomd.blackbox.box_file import (
     Header,
     ImuSettings,
     OdometerSettings,
@@ -15,8 +15,8 @@ from yahboomd.core.blackbox.box_file import (
     deflated,
     encode_header,
 )
-from yahboomd.core.blackbox.records import Meaning, encode
-from yahboomd.core.blackbox.ring import Ring
+from yahboomd.blackbox.records import Meaning, encode
+from yahboomd.blackbox.ring import Ring
 from yahboomd.core.model import Kinematics, Motor
 
 SEGMENT_BYTES = 4096

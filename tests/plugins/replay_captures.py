@@ -16,7 +16,7 @@ from pathlib import Path
 import msgspec
 from wire_records import WireBench, save
 
-from yahboomd.core.blackbox.records import Anchor, Record
+from yahboomd.blackbox.records import Anchor, Record
 from yahboomd.core.model import OdometryEstimate, Pose2d
 from yahboomd.simulation import virtual_time
 from yahboomd.simulation.options import ImpairmentOptions

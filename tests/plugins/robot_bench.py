@@ -11,8 +11,9 @@ import msgspec
 from board_bench import BoardPort
 from event_check import assert_registered
 
-from yahboomd.core.blackbox.recorder import Recorder
-from yahboomd.core.blackbox.ring import Ring
+from yahboomd.blackbox.recorded_odometer import odometer
+from yahboomd.blackbox.recorder import Recorder
+from yahboomd.blackbox.ring import Ring
 from yahboomd.core.bus.subscriptions import Arrival
 from yahboomd.core.config import Config, read
 from yahboomd.core.daemon import assembly
@@ -111,7 +112,7 @@ class RobotBench:
             arbiter=self.arbiter,
             latch=self.latch,
             outputs=self.heard,
-            recorder=self.recorder,
+            odometer=odometer(assembly.odometer_settings(self.config), self.recorder),
         )
         self.operator = Operator(
             self.clock, controller=self.controller, arbiter=self.arbiter, latch=self.latch

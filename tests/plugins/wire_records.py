@@ -11,14 +11,14 @@ from fault_bench import FaultBench
 from made_boxes import into
 
 from yahboomd import __version__
-from yahboomd.core.blackbox.box_file import (
+from yahboomd.blackbox.box_file import (
     Header,
     ImuSettings,
     OdometerSettings,
     deflated,
     encode_header,
 )
-from yahboomd.core.blackbox.records import (
+from yahboomd.blackbox.records import (
     Anchor,
     Armed,
     Closed,
@@ -34,7 +34,7 @@ from yahboomd.core.blackbox.records import (
     Written,
     encode,
 )
-from yahboomd.core.blackbox.ring import Ring
+from yahboomd.blackbox.ring import Ring
 from yahboomd.core.model import EncoderReading
 from yahboomd.core.odometry import snapshot
 from yahboomd.core.odometry.odometer import Odometer

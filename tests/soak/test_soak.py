@@ -18,7 +18,7 @@ import pytest
 from made_boxes import saved_box
 
 from benchmarks.soak.__main__ import black_boxes
-from yahboomd.core.blackbox.saved_boxes import save_box
+from yahboomd.blackbox.saved_boxes import save_box
 
 pytestmark = pytest.mark.realtime
 

@@ -13,7 +13,7 @@ from real_robot import RealRobot
 from web_site import TOKENS, Site
 from zenoh_fixtures import eventually, free_endpoint
 
-from yahboomd.core.blackbox.box_file import read_box
+from yahboomd.blackbox.box_file import read_box
 from yahboomd.web import page_boxes
 from yahboomd.web.page_boxes import BUSY, PageBoxes
 

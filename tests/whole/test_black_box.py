@@ -17,9 +17,9 @@ from typing import Any
 import pytest
 from real_robot import Client, RealRobot, wait_for
 
-from yahboomd.core.blackbox.box_file import Box, read_box
-from yahboomd.core.blackbox.ring_file import ring_folder, rings
-from yahboomd.core.blackbox.saved_boxes import SavedBox, saved_boxes
+from yahboomd.blackbox.box_file import Box, read_box
+from yahboomd.blackbox.ring_file import ring_folder, rings
+from yahboomd.blackbox.saved_boxes import SavedBox, saved_boxes
 from yahboomd.tools.replay.replayed_poses import PoseReplay
 
 pytestmark = pytest.mark.realtime

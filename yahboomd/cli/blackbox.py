@@ -18,8 +18,8 @@ from yahboomd.cli.shared_options import (
 from yahboomd.core.program import pasteable
 
 if TYPE_CHECKING:
+    from yahboomd.blackbox.box_file import Box
     from yahboomd.client import AsyncRobot
-    from yahboomd.core.blackbox.box_file import Box
     from yahboomd.tools.blackbox.box_places import BoxQuery, Found, Places
 
 DESCRIPTION = """\

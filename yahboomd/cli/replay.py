@@ -14,7 +14,7 @@ from yahboomd import __version__
 from yahboomd.core.errors import ConfigError, YahboomdError
 
 if TYPE_CHECKING:
-    from yahboomd.core.blackbox.box_file import Box
+    from yahboomd.blackbox.box_file import Box
     from yahboomd.tools.replay.replayed_poses import Compared, Estimated, PoseReplay
 
 MCAP = b"\x89MCAP0"
@@ -105,7 +105,7 @@ def _check_output(args: argparse.Namespace) -> None:
 
 
 def _read(path: Path) -> Box:
-    from yahboomd.core.blackbox.box_file import NotABox, read_box
+    from yahboomd.blackbox.box_file import NotABox, read_box
     from yahboomd.tools.blackbox.box_places import box_bytes
 
     try:

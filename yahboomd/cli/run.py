@@ -80,6 +80,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _serve(args: argparse.Namespace, guard: int | None) -> int:
+    from yahboomd.blackbox.box_keeper import BoxKeeper
     from yahboomd.cli.process_limits import make_room
     from yahboomd.core.daemon.logs import configure, flush
     from yahboomd.core.daemon.process import die_of
@@ -94,8 +95,13 @@ def _serve(args: argparse.Namespace, guard: int | None) -> int:
         log.warning("%s", warning)
 
     async def main() -> int:
-        planes = (Ros2Plane(),)
-        daemon = Daemon(loaded.config, environ=os.environ, planes=planes, guard=guard)
+        daemon = Daemon(
+            loaded.config,
+            environ=os.environ,
+            black_box=BoxKeeper,
+            planes=(Ros2Plane(),),
+            guard=guard,
+        )
         status = os.EX_OK
         try:
             await daemon.run()

@@ -11,10 +11,10 @@ import pytest
 from made_boxes import HEADER, saved_box
 from zenoh_fixtures import free_endpoint
 
+from yahboomd.blackbox.records import DecisionRecord
+from yahboomd.blackbox.ring_file import RingFile
+from yahboomd.blackbox.saved_boxes import save_box
 from yahboomd.cli.main import main
-from yahboomd.core.blackbox.records import DecisionRecord
-from yahboomd.core.blackbox.ring_file import RingFile
-from yahboomd.core.blackbox.saved_boxes import save_box
 from yahboomd.tools.blackbox import box_places
 
 BOX = saved_box(

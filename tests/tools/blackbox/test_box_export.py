@@ -10,8 +10,8 @@ import pytest
 from made_boxes import WALL_NS, ring_of, saved_box
 from mcap.reader import make_reader
 
-from yahboomd.core.blackbox import records
-from yahboomd.core.blackbox.box_file import read_box
+from yahboomd.blackbox import records
+from yahboomd.blackbox.box_file import read_box
 from yahboomd.core.errors import Refused
 from yahboomd.core.model import Event
 from yahboomd.tools.blackbox.box_export import export

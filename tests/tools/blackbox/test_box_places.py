@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from made_boxes import HEADER, SECOND_NS, WALL_NS, ring_of, saved_box
 
-from yahboomd.core.blackbox.records import DecisionRecord
-from yahboomd.core.blackbox.ring_file import RingFile, ring_folder
-from yahboomd.core.blackbox.saved_boxes import save_box
+from yahboomd.blackbox.records import DecisionRecord
+from yahboomd.blackbox.ring_file import RingFile, ring_folder
+from yahboomd.blackbox.saved_boxes import save_box
 from yahboomd.core.errors import ConfigError
 from yahboomd.tools.blackbox.box_places import Found, Places, boxes, choose, load, places
 

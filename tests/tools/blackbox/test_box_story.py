@@ -12,10 +12,10 @@ import pytest
 from made_boxes import HEADER, into, ring_of, saved_box
 from robot_bench import RobotBench
 
+from yahboomd.blackbox import records
+from yahboomd.blackbox.box_file import encode_header, read_box
+from yahboomd.blackbox.ring import Ring
 from yahboomd.client.move_messages import Reason
-from yahboomd.core.blackbox import records
-from yahboomd.core.blackbox.box_file import encode_header, read_box
-from yahboomd.core.blackbox.ring import Ring
 from yahboomd.core.daemon.process import without_age
 from yahboomd.core.model import Event, Pose2d
 from yahboomd.simulation.four_channel.flash import FlashContent

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from wire_records import WireBench, drive_about
 
-from yahboomd.core.blackbox.records import (
+from yahboomd.blackbox.records import (
     Anchor,
     Closed,
     Identified,

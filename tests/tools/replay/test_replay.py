@@ -11,8 +11,8 @@ import msgspec
 import pytest
 from wire_records import WireBench, drive_about, save
 
+from yahboomd.blackbox.records import Happened, Opened, Received, Record
 from yahboomd.cli.main import main
-from yahboomd.core.blackbox.records import Happened, Opened, Received, Record
 from yahboomd.core.model import Event
 from yahboomd.simulation.virtual_time import run as run_on_virtual_time
 

@@ -12,7 +12,7 @@ from wire_records import WireBench, drive_about, save
 from zenoh_fixtures import free_endpoint
 
 from benchmarks.soak.processes import BOARD_NICE, DAEMON_NICE, prefer
-from yahboomd.core.blackbox.box_file import read_box
+from yahboomd.blackbox.box_file import read_box
 from yahboomd.core.config import Config
 from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.simulation.virtual_time import run as run_on_virtual_time

@@ -9,7 +9,7 @@ from board_bench import Recorder
 from replay_captures import FOLDER, HEADINGS
 from wire_records import DevicePort, WireBench, drive_about
 
-from yahboomd.core.blackbox.box_file import read_box
+from yahboomd.blackbox.box_file import read_box
 from yahboomd.core.link.session import Session, SessionOptions
 from yahboomd.core.model import EncoderReading
 from yahboomd.core.protocol.registry import DIALECTS

@@ -9,8 +9,8 @@ import pytest
 from replay_captures import FOLDER, HEADINGS, golden
 from wire_records import TappedOdometer, WireBench, header_of
 
-from yahboomd.core.blackbox.box_file import Box, read_box
-from yahboomd.core.blackbox.records import Anchor, Armed, ReadingRecord, Received, Record
+from yahboomd.blackbox.box_file import Box, read_box
+from yahboomd.blackbox.records import Anchor, Armed, ReadingRecord, Received, Record
 from yahboomd.core.model import EncoderReading, Pose2d
 from yahboomd.core.odometry.odometer import Update
 from yahboomd.simulation.virtual_time import on_virtual_time

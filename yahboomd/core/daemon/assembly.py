@@ -11,8 +11,6 @@ from pathlib import Path
 
 from msgspec import structs
 
-from yahboomd.core.blackbox.box_file import OdometerSettings
-from yahboomd.core.blackbox.recorder import Recorder
 from yahboomd.core.bus.options import BusOptions
 from yahboomd.core.clock import Clock
 from yahboomd.core.config import Config, runtime_folder
@@ -22,7 +20,6 @@ from yahboomd.core.daemon.estop.latch_file import LatchFile
 from yahboomd.core.daemon.fit import BLIND_S, ControlOptions
 from yahboomd.core.daemon.folder import check_folder
 from yahboomd.core.daemon.publisher import Outputs
-from yahboomd.core.daemon.recorded_odometer import RecordedOdometer
 from yahboomd.core.daemon.supervisor import storing_opener
 from yahboomd.core.drive.arbiter import Arbiter
 from yahboomd.core.link import port_note
@@ -34,7 +31,7 @@ from yahboomd.core.link.session import Session, SessionOptions
 from yahboomd.core.link.tap import NO_TAP, Tap
 from yahboomd.core.model import STANDING_M_S
 from yahboomd.core.odometry.heading import CALIBRATED
-from yahboomd.core.odometry.odometer import Odometer
+from yahboomd.core.odometry.odometer import Odometer, OdometerSettings
 from yahboomd.core.program import release_command
 
 log = logging.getLogger(__name__)
@@ -74,12 +71,6 @@ def odometer_settings(config: Config) -> OdometerSettings:
     )
 
 
-def odometer(config: Config, recorder: Recorder | None = None) -> Odometer:
-    """The odometer; with a recorder, its inputs are recorded."""
-    arguments = structs.asdict(odometer_settings(config))
-    return Odometer(**arguments) if recorder is None else RecordedOdometer(recorder, **arguments)
-
-
 def control_options(config: Config) -> ControlOptions:
     return ControlOptions(
         kinematics=config.kinematics(),
@@ -115,13 +106,13 @@ def controller(
     arbiter: Arbiter,
     latch: EstopLatch,
     outputs: Outputs,
-    recorder: Recorder | None = None,
+    odometer: Odometer,
 ) -> Controller:
     return Controller(
         clock,
         control_options(config),
         arbiter=arbiter,
-        odometer=odometer(config, recorder),
+        odometer=odometer,
         latch=latch,
         outputs=outputs,
     )

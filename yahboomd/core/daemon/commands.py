@@ -6,9 +6,9 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
-from yahboomd.core.blackbox.recorder import Recorder
 from yahboomd.core.bus.subscriptions import Arrival
 from yahboomd.core.clock import Clock, nanoseconds
+from yahboomd.core.daemon.black_box import CommandRecorder
 from yahboomd.core.daemon.requests import Operator
 from yahboomd.core.drive.arbiter import Arbiter
 from yahboomd.core.drive.arbitration import Accepted
@@ -43,7 +43,7 @@ class CommandIntake:
         notice_pause: Callable[[], None],
         step: Callable[[], None],
         refusal: Callable[[str], str] | None = None,
-        recorder: Recorder | None = None,
+        recorder: CommandRecorder | None = None,
     ) -> None:
         self._arbiter = arbiter
         self._clock = clock

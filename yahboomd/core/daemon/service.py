@@ -16,7 +16,7 @@ from yahboomd.core.bus.publishers import BusPublisher
 from yahboomd.core.clock import Clock, SystemClock, nanoseconds
 from yahboomd.core.config import Config, runtime_folder
 from yahboomd.core.daemon import assembly
-from yahboomd.core.daemon.black_box import NAME, BoxKeeper
+from yahboomd.core.daemon.black_box import NAME, MakesBlackBox
 from yahboomd.core.daemon.bus_presence import BusPresence
 from yahboomd.core.daemon.commands import ClockWatch, CommandIntake, PoseIntake
 from yahboomd.core.daemon.control import Controller
@@ -45,7 +45,8 @@ class Daemon:
     """One robot's daemon. ``run`` is called once.
 
     Args:
-        planes: Publish beside the native plane. None of them can stop the daemon.
+        black_box: Makes the black box.
+        planes: Publish beside the native plane; the daemon drives without them.
         opener: Opens the port; made from the configuration unless given.
         guard: The pipe to the process that stops the wheels if this one cannot; None without it.
     """
@@ -55,6 +56,7 @@ class Daemon:
         config: Config,
         *,
         environ: Mapping[str, str],
+        black_box: MakesBlackBox,
         planes: Sequence[Plane] = (),
         clock: Clock | None = None,
         opener: Opener | None = None,
@@ -62,6 +64,7 @@ class Daemon:
     ) -> None:
         self._config = config
         self._environ = environ
+        self._make_box = black_box
         self._clock = clock or SystemClock()
         self._notifier = Notifier(environ, guard)
         self._opener = opener or assembly.opener(config, self._clock, environ, self._notifier.port)
@@ -161,9 +164,14 @@ class Daemon:
             motor_names=tuple(motor.name for motor in config.motors()),
         )
         latch = self._latch = assembly.latch(config, clock, self._environ)
-        box = self._box = BoxKeeper(config, clock, self._environ, recorders)
+        box = self._box = self._make_box(config, clock, self._environ, recorders)
         controller = assembly.controller(
-            config, clock, arbiter=arbiter, latch=latch, outputs=self, recorder=box.recorder
+            config,
+            clock,
+            arbiter=arbiter,
+            odometer=box.odometer(assembly.odometer_settings(config)),
+            latch=latch,
+            outputs=self,
         )
         self._controller = controller
         self._clocks = ClockWatch(arbiter.clock_warnings, controller.event)

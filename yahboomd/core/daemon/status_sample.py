@@ -8,7 +8,7 @@ from typing import Any
 from yahboomd.core.bus.bus import Bus
 from yahboomd.core.clock import Clock, nanoseconds
 from yahboomd.core.daemon import logs
-from yahboomd.core.daemon.black_box import BoxKeeper
+from yahboomd.core.daemon.black_box import KeptBox
 from yahboomd.core.daemon.commands import CommandIntake
 from yahboomd.core.daemon.control import Controller
 from yahboomd.core.daemon.recorders import Recorders
@@ -54,7 +54,7 @@ class Status:
         intake: CommandIntake,
         supervisor: Supervisor,
         bus: Bus,
-        box: BoxKeeper,
+        box: KeptBox,
         recorders: Recorders,
         more_bus_facts: Callable[[], dict[str, Any]],
     ) -> None:

@@ -70,6 +70,17 @@ class Update(msgspec.Struct, frozen=True, kw_only=True):
 NOTHING = Update()
 
 
+class OdometerSettings(msgspec.Struct, frozen=True, kw_only=True):
+    """The arguments of an :class:`Odometer`, by their names."""
+
+    kinematics: Kinematics
+    motors: tuple[Motor, ...]
+    speed_max_m_s: float
+    noise_m: float
+    fused: bool
+    gyro_scale: float | None
+
+
 class Odometer:
     """Computes the robot's pose from the board's counts.
 

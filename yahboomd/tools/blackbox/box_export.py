@@ -10,8 +10,8 @@ from pathlib import Path
 
 import msgspec
 
-from yahboomd.core.blackbox import records
-from yahboomd.core.blackbox.box_file import Box
+from yahboomd.blackbox import records
+from yahboomd.blackbox.box_file import Box
 from yahboomd.core.bus import keys
 from yahboomd.core.errors import Refused
 from yahboomd.core.messages.native import event_sample

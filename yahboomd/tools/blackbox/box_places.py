@@ -10,7 +10,7 @@ from glob import glob
 from pathlib import Path
 from typing import NamedTuple
 
-from yahboomd.core.blackbox.box_file import (
+from yahboomd.blackbox.box_file import (
     INFLATED_MOST,
     Box,
     Header,
@@ -19,8 +19,8 @@ from yahboomd.core.blackbox.box_file import (
     read_header,
     settings_of,
 )
-from yahboomd.core.blackbox.ring_file import is_live, ring_folder, rings
-from yahboomd.core.blackbox.saved_boxes import saved_boxes
+from yahboomd.blackbox.ring_file import is_live, ring_folder, rings
+from yahboomd.blackbox.saved_boxes import saved_boxes
 from yahboomd.core.errors import ConfigError
 from yahboomd.core.program import plain
 from yahboomd.tools.blackbox.box_story import last_stop, wall_clock

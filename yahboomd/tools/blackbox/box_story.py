@@ -8,9 +8,9 @@ from datetime import UTC, datetime
 from operator import itemgetter
 from typing import NamedTuple
 
-from yahboomd.core.blackbox import records
-from yahboomd.core.blackbox.box_file import Box, settings_of
-from yahboomd.core.blackbox.records import Record
+from yahboomd.blackbox import records
+from yahboomd.blackbox.box_file import Box, settings_of
+from yahboomd.blackbox.records import Record
 from yahboomd.core.model import NS_PER_S, EventKind
 from yahboomd.core.program import plain
 from yahboomd.core.protocol.registry import DIALECTS

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from yahboomd.core.blackbox.records import (
+from yahboomd.blackbox.records import (
     Anchor,
     Closed,
     Identified,

@@ -9,9 +9,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from yahboomd.blackbox.box_file import Header
+from yahboomd.blackbox.records import Received, Record, Written
 from yahboomd.core import program
-from yahboomd.core.blackbox.box_file import Header
-from yahboomd.core.blackbox.records import Received, Record, Written
 from yahboomd.core.clock import seconds
 from yahboomd.core.config import Config, read_foreign
 from yahboomd.core.protocol.dialect import Dialect

@@ -1,6 +1,6 @@
 """Computes a recording's poses and events again from its bytes, and compares them.
 
-:mod:`yahboomd.core.blackbox.records` describes the records. Between two anchors the odometer runs
+:mod:`yahboomd.blackbox.records` describes the records. Between two anchors the odometer runs
 on by itself, and its state is compared with the next anchor's. On the recording's processor and
 mathematical library both are identical to the last bit.
 """
@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import msgspec
 
-from yahboomd.core.blackbox.box_file import Header
-from yahboomd.core.blackbox.records import (
+from yahboomd.blackbox.box_file import Header
+from yahboomd.blackbox.records import (
     Anchor,
     Armed,
     Closed,

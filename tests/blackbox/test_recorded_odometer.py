@@ -12,10 +12,10 @@ import pytest
 from made_boxes import into
 from robot_bench import RobotBench
 
-from yahboomd.core.blackbox import records
-from yahboomd.core.blackbox.box_file import encode_header, read_box
-from yahboomd.core.blackbox.ring import Ring
-from yahboomd.core.daemon.black_box import header
+from yahboomd.blackbox import records
+from yahboomd.blackbox.box_file import encode_header, read_box
+from yahboomd.blackbox.box_keeper import header
+from yahboomd.blackbox.ring import Ring
 from yahboomd.core.model import Pose2d
 from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.simulation.options import SimulationOptions

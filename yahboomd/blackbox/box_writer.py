@@ -13,7 +13,7 @@ from typing import NamedTuple, TypeVar
 
 from msgspec import structs
 
-from yahboomd.core.blackbox.box_file import (
+from yahboomd.blackbox.box_file import (
     Header,
     NotABox,
     Saved,
@@ -23,14 +23,14 @@ from yahboomd.core.blackbox.box_file import (
     robot_slug,
     segments_of,
 )
-from yahboomd.core.blackbox.ring_file import (
+from yahboomd.blackbox.ring_file import (
     SET_ASIDE,
     LeftRing,
     left_rings,
     set_aside,
     sweep_folders,
 )
-from yahboomd.core.blackbox.saved_boxes import save_box, saved_boxes
+from yahboomd.blackbox.saved_boxes import save_box, saved_boxes
 from yahboomd.core.clock import Clock, nanoseconds
 from yahboomd.core.daemon.folder import prepare_folder
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from yahboomd.core.blackbox.box_file import SEGMENT
-from yahboomd.core.blackbox.records import BASE, HEAD, MOMENT, RECEIVED, REPEATED
+from yahboomd.blackbox.box_file import SEGMENT
+from yahboomd.blackbox.records import BASE, HEAD, MOMENT, RECEIVED, REPEATED
 
 _HEAD_BYTES = HEAD.size
 _pack = HEAD.pack

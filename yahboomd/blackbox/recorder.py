@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from yahboomd.core.blackbox import records
-from yahboomd.core.blackbox.records import WRITTEN, encode
-from yahboomd.core.blackbox.ring import Ring
+from yahboomd.blackbox import records
+from yahboomd.blackbox.records import WRITTEN, encode
+from yahboomd.blackbox.ring import Ring
 from yahboomd.core.model import (
     NS_PER_S,
     STANDSTILL,

@@ -5,10 +5,18 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-from yahboomd.core.blackbox.recorder import Recorder
+from msgspec import structs
+
+from yahboomd.blackbox.recorder import Recorder
 from yahboomd.core.model import EncoderReading, Matrix3, Pose2d
 from yahboomd.core.odometry import snapshot
-from yahboomd.core.odometry.odometer import Odometer, Update
+from yahboomd.core.odometry.odometer import Odometer, OdometerSettings, Update
+
+
+def odometer(settings: OdometerSettings, recorder: Recorder | None) -> Odometer:
+    """The odometer of a daemon; with a recorder, its inputs are recorded."""
+    arguments = structs.asdict(settings)
+    return Odometer(**arguments) if recorder is None else RecordedOdometer(recorder, **arguments)
 
 
 class RecordedOdometer(Odometer):

@@ -14,13 +14,13 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.core.blackbox import saved_boxes as disk
-from yahboomd.core.blackbox.box_file import Box, read_box
-from yahboomd.core.blackbox.records import DecisionRecord, Ended, Happened
-from yahboomd.core.blackbox.ring_file import RingFile, ring_folder, rings
-from yahboomd.core.blackbox.saved_boxes import saved_boxes
+from yahboomd.blackbox import saved_boxes as disk
+from yahboomd.blackbox.box_file import Box, read_box
+from yahboomd.blackbox.box_keeper import AGAIN_S, REASONS, BoxKeeper, header
+from yahboomd.blackbox.records import DecisionRecord, Ended, Happened
+from yahboomd.blackbox.ring_file import RingFile, ring_folder, rings
+from yahboomd.blackbox.saved_boxes import saved_boxes
 from yahboomd.core.config import read
-from yahboomd.core.daemon.black_box import AGAIN_S, REASONS, BoxKeeper, header
 from yahboomd.core.link.tap import NO_TAP
 from yahboomd.core.model import Event, EventKind
 from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
@@ -38,7 +38,7 @@ class Prompt(threading.Thread):
 @pytest.fixture(autouse=True)
 def prompt_disk(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     if "hangs" not in request.node.name:
-        monkeypatch.setattr("yahboomd.core.daemon.box_writer.threading.Thread", Prompt)
+        monkeypatch.setattr("yahboomd.blackbox.box_writer.threading.Thread", Prompt)
 
 
 class Rig:
@@ -180,7 +180,7 @@ async def test_a_disk_that_fails_is_counted_reported_once_and_holds_up_nothing(
         # The writer of another test may end late.
         warned = [each for each in caplog.records if str(rig.folder) in each.getMessage()]
         assert [(each.name, each.levelno) for each in warned] == [
-            ("yahboomd.core.daemon.box_writer", logging.WARNING)
+            ("yahboomd.blackbox.box_writer", logging.WARNING)
         ]
         rig.folder.unlink()
         rig.event("estop")
@@ -199,8 +199,8 @@ async def test_a_disk_that_hangs_delays_neither_the_loop_nor_the_end(
         freed.wait(60.0)
         raise OSError("late")
 
-    monkeypatch.setattr("yahboomd.core.daemon.box_writer.save_box", hang)
-    monkeypatch.setattr("yahboomd.core.daemon.box_writer.END_S", 0.05)
+    monkeypatch.setattr("yahboomd.blackbox.box_writer.save_box", hang)
+    monkeypatch.setattr("yahboomd.blackbox.box_writer.END_S", 0.05)
     with rig_in(tmp_path) as rig:
         while rig.box._writer.busy:
             await asyncio.sleep(0.01)
@@ -400,7 +400,7 @@ async def test_what_was_left_damaged_is_set_aside_and_the_next_boxes_are_saved(
 async def test_without_memory_for_it_no_box_is_kept_and_the_status_tells(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr("yahboomd.core.daemon.black_box.ring_folder", lambda *_: None)
+    monkeypatch.setattr("yahboomd.blackbox.box_keeper.ring_folder", lambda *_: None)
     rig = Rig(tmp_path)
     assert rig.box.recorder is None
     assert rig.box.status_values()["blackbox_recording"] == 0

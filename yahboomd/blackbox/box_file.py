@@ -22,7 +22,7 @@ from typing import Any
 
 import msgspec
 
-from yahboomd.core.blackbox.records import (
+from yahboomd.blackbox.records import (
     BASE,
     FORMAT,
     HEAD,
@@ -34,7 +34,7 @@ from yahboomd.core.blackbox.records import (
     decode,
 )
 from yahboomd.core.errors import YahboomdError
-from yahboomd.core.model import Kinematics, Motor
+from yahboomd.core.odometry.odometer import OdometerSettings
 
 MAGIC = b"YBXBOX1\n"
 GZIP = b"\x1f\x8b"
@@ -49,17 +49,6 @@ HEADER_MOST = 1 << 18
 
 class NotABox(YahboomdError):
     """A file is no black box, or one of a later version."""
-
-
-class OdometerSettings(msgspec.Struct, frozen=True, kw_only=True):
-    """The arguments of :class:`yahboomd.core.odometry.odometer.Odometer`, by their names."""
-
-    kinematics: Kinematics
-    motors: tuple[Motor, ...]
-    speed_max_m_s: float
-    noise_m: float
-    fused: bool
-    gyro_scale: float | None
 
 
 class ImuSettings(msgspec.Struct, frozen=True, kw_only=True):

@@ -9,13 +9,13 @@ from pathlib import Path
 
 from msgspec import structs
 
-from yahboomd.core.blackbox.box_file import Saved, read_box
-from yahboomd.core.blackbox.records import Ended, encode
-from yahboomd.core.blackbox.ring_file import RingFile, rings
+from yahboomd.blackbox.box_file import Saved, read_box
+from yahboomd.blackbox.box_keeper import header
+from yahboomd.blackbox.box_writer import BoxOutcome, BoxWriter
+from yahboomd.blackbox.records import Ended, encode
+from yahboomd.blackbox.ring_file import RingFile, rings
 from yahboomd.core.clock import SystemClock
 from yahboomd.core.config import read
-from yahboomd.core.daemon.black_box import header
-from yahboomd.core.daemon.box_writer import BoxOutcome, BoxWriter
 
 CLOCK = SystemClock()
 HEADER = header(read(None, environ={}, overrides=[]).config, CLOCK)

@@ -18,9 +18,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from stat import S_ISDIR, S_ISREG
 
-from yahboomd.core.blackbox.box_file import Header, encode_header, read_box, robot_slug
-from yahboomd.core.blackbox.records import Ended
-from yahboomd.core.blackbox.ring import Ring
+from yahboomd.blackbox.box_file import Header, encode_header, read_box, robot_slug
+from yahboomd.blackbox.records import Ended
+from yahboomd.blackbox.ring import Ring
 from yahboomd.core.model import NS_PER_S
 
 SEGMENTS = 16
