@@ -14,8 +14,9 @@ from msgspec import structs
 from yahboomd.client.streams import KEYS, Samples, depth_of, read_sample
 from yahboomd.core.bus.subscriptions import Arrival
 from yahboomd.core.messages.codecs import encode
-from yahboomd.core.messages.native import MESSAGES, EventSample, PoseSample, StatusSample
+from yahboomd.core.messages.native import EventSample, PoseSample, StatusSample
 from yahboomd.tools.schemas import cdr_samples, samples
+from yahboomd.tools.schemas.samples import MESSAGES
 
 
 @pytest.mark.parametrize("encoding", ["json", "msgpack"])

@@ -13,12 +13,12 @@ from jsonschema import Draft202012Validator
 
 from yahboomd.core.bus import keys
 from yahboomd.core.messages.codecs import Reason
-from yahboomd.core.messages.native import MESSAGES
 from yahboomd.core.messages.status_fields import FIELDS
 from yahboomd.ros2.ros2_topics import ROS_TOPICS
 from yahboomd.tools.schemas import asyncapi, move_samples
 from yahboomd.tools.schemas.event_kinds import EVENTS, KINDS
 from yahboomd.tools.schemas.key_table import INPUTS, OFFERS, OUTPUTS
+from yahboomd.tools.schemas.samples import MESSAGES
 
 ROOT = Path(__file__).parents[2]
 SCHEMAS = ROOT / "schemas"

@@ -9,10 +9,11 @@ import pytest
 from yahboomd.core.bus import keys
 from yahboomd.core.daemon.publisher import PUBLISHED
 from yahboomd.core.daemon.requests import Services
-from yahboomd.core.messages.native import MESSAGES, ServiceReply
+from yahboomd.core.messages.native import ServiceReply
 from yahboomd.ros2.ros2_topics import ROS_TOPICS
 from yahboomd.tools.schemas.event_kinds import EVENTS
 from yahboomd.tools.schemas.key_table import INPUTS, OFFERS, OUTPUTS
+from yahboomd.tools.schemas.samples import MESSAGES
 
 
 def test_every_key_is_in_the_table():

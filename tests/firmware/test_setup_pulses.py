@@ -20,6 +20,7 @@ from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.motors import FAULTS, PWM_MAX
 from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.tools.port.board_questions import read_counters
 from yahboomd.tools.port.pulses import SHOWN_TURNS, Pulses
 
 pytestmark = ON_THE_FIRMWARE
@@ -50,7 +51,7 @@ async def turned(
     line = Line(await board.open(), board.clock, resend_s=0.1)
     async with line.attended():
         talk = await Conversation.begin(line)
-        await talk.read_counters()
+        await read_counters(talk)
         await handshake.await_reports(line, talk.dialect)
         profile = PROFILES["520"]
         stored = await talk.read_settings(profile.settings) or {}

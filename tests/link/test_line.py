@@ -17,6 +17,7 @@ from yahboomd.core.protocol.dialect import Decoded, Unrecognised
 from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
+from yahboomd.tools.port.board_questions import read_counters
 
 COUNTS = b"$MAll:1,2,3,4#\r\n"
 
@@ -105,7 +106,7 @@ async def test_what_is_wrong_in_a_handler_ends_the_line_with_it() -> None:
         async with line.attended():
             talk = await Conversation.begin(line)
             line.on_counts = lambda _: 1 / 0  # type: ignore[assignment, return-value]
-            await talk.read_counters()
+            await read_counters(talk)
             await asyncio.sleep(60.0)
 
     with pytest.raises(ZeroDivisionError):

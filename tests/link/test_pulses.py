@@ -20,6 +20,7 @@ from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.simulation.motors import FAULTS, MotorFaults, joined
 from yahboomd.simulation.options import FOUR_WHEELS
 from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.tools.port.board_questions import read_counters
 from yahboomd.tools.port.pulses import LONGEST_S, SHOWN_TURNS, STEPS, Pulses
 
 TICKS = 1320.0
@@ -32,7 +33,7 @@ async def pulses_on(board: LinkBench, **more: Any) -> AsyncIterator[tuple[Pulses
     line = Line(await board.open(), board.clock, resend_s=0.1)
     async with line.attended():
         talk = await Conversation.begin(line)
-        await talk.read_counters()
+        await read_counters(talk)
         await handshake.await_reports(line, talk.dialect)
         options = {"ticks_per_revolution": TICKS, "fastest_turns_per_s": FASTEST, **more}
         stored = await talk.read_settings(PROFILES["520"].settings) or {}

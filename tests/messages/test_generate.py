@@ -11,8 +11,8 @@ import msgspec
 import pytest
 from jsonschema import Draft202012Validator
 
-from yahboomd.core.messages.native import MESSAGES
 from yahboomd.tools.schemas import cdr_samples, generate, samples
+from yahboomd.tools.schemas.samples import MESSAGES
 
 SCHEMAS = Path(__file__).parents[2] / "schemas"
 

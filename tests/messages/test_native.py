@@ -11,6 +11,7 @@ from msgspec import structs
 from yahboomd.core.messages import native
 from yahboomd.core.messages.codecs import encode
 from yahboomd.core.model import Event, OdometryEstimate, Pose2d, Twist2d
+from yahboomd.tools.schemas.samples import MESSAGES
 
 FIELDS = {
     "VelocityCommand": "vx vy wz stamp_ns source",
@@ -48,7 +49,7 @@ def wire(message):
 
 def test_every_message_has_exactly_its_fields():
     assert {
-        name: " ".join(message.__struct_fields__) for name, message in native.MESSAGES.items()
+        name: " ".join(message.__struct_fields__) for name, message in MESSAGES.items()
     } == FIELDS
 
 
@@ -56,7 +57,7 @@ def test_every_message_has_exactly_its_fields():
 def test_a_field_that_a_daemon_may_leave_out_is_not_known_by_default(name):
     defaults = {
         field.name: field.default
-        for field in structs.fields(native.MESSAGES[name])
+        for field in structs.fields(MESSAGES[name])
         # Version 0.1 has it: nothing is returned.
         if (name, field.name) != ("ServiceReply", "data")
     }
@@ -65,10 +66,10 @@ def test_a_field_that_a_daemon_may_leave_out_is_not_known_by_default(name):
 
 def test_words_of_a_set_are_text_in_what_others_read():
     for name in READ:
-        assert "enum" not in json.dumps(msgspec.json.schema(native.MESSAGES[name]))
+        assert "enum" not in json.dumps(msgspec.json.schema(MESSAGES[name]))
 
 
-@pytest.mark.parametrize("message", native.MESSAGES.values(), ids=native.MESSAGES)
+@pytest.mark.parametrize("message", MESSAGES.values(), ids=MESSAGES)
 def test_messages_are_frozen_described_and_let_others_grow(message):
     assert message.__struct_config__.frozen
     assert message.__doc__

@@ -280,26 +280,6 @@ class ServiceReply(msgspec.Struct, frozen=True, kw_only=True):
     ] = msgspec.field(default_factory=dict)
 
 
-MESSAGES: dict[str, type[msgspec.Struct]] = {
-    message.__name__: message
-    for message in (
-        VelocityCommand,
-        RosVelocityCommand,
-        PoseSample,
-        TwistSample,
-        WheelsSample,
-        ImuSample,
-        BatterySample,
-        EventSample,
-        StatusSample,
-        EstopRequest,
-        SetPoseRequest,
-        ServiceReply,
-    )
-}
-"""Every native message by its name."""
-
-
 def pose_sample(
     estimate: OdometryEstimate, *, stamp_ns: int, seq: int, frame_id: str, child_frame_id: str
 ) -> PoseSample:

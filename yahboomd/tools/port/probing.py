@@ -15,6 +15,7 @@ from yahboomd.core.link.port import Opener
 from yahboomd.core.model import Counts
 from yahboomd.core.protocol.dialect import Dialect
 from yahboomd.core.protocol.settings import BoardSettings
+from yahboomd.tools.port.board_questions import read_battery, read_counters
 
 Survival: TypeAlias = Literal["kept", "reset", "unknown"]
 
@@ -65,8 +66,8 @@ async def examine(
                 settings = await talk.read_settings(expected)
             except BoardSilent:
                 settings = None
-            volts = await talk.read_battery()
-        ticks = await talk.read_counters()
+            volts = await read_battery(talk)
+        ticks = await read_counters(talk)
         report = await talk.rest()
         return Examination(
             dialect=talk.dialect,

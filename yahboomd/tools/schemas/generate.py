@@ -18,9 +18,9 @@ import msgspec
 
 from yahboomd.client.move_messages import MOVE_MESSAGES
 from yahboomd.core.messages import codecs
-from yahboomd.core.messages.native import MESSAGES
 from yahboomd.tools.schemas import cdr_samples, event_samples, move_samples, samples
 from yahboomd.tools.schemas.event_kinds import EVENTS, KINDS
+from yahboomd.tools.schemas.samples import MESSAGES
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 

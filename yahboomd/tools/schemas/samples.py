@@ -130,6 +130,9 @@ NATIVE: dict[str, msgspec.Struct] = {
 }
 """An example of every native message, by name."""
 
+MESSAGES: dict[str, type[msgspec.Struct]] = {name: type(sample) for name, sample in NATIVE.items()}
+"""Every native message by its name."""
+
 
 class RefusedSample(NamedTuple):
     """A velocity command that is refused, and the reason that ``status`` counts."""

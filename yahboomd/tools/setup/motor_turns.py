@@ -12,7 +12,7 @@ import msgspec
 from yahboomd.core.counts import unwrapped
 from yahboomd.core.drive.kinematics import unit_geometry
 from yahboomd.core.errors import BoardSilent, Refused
-from yahboomd.core.link.conversation import COUNTERS_WITHIN_S, Conversation
+from yahboomd.core.link.conversation import Conversation
 from yahboomd.core.model import CHANNELS, Counts
 from yahboomd.tools.calibrate.estimates.wiring import (
     HandTurn,
@@ -23,6 +23,7 @@ from yahboomd.tools.calibrate.estimates.wiring import (
     judge_by_hand,
     plain,
 )
+from yahboomd.tools.port.board_questions import COUNTERS_WITHIN_S, read_counters, why_silent
 from yahboomd.tools.port.pulses import MOVED_TURNS, Pulses
 from yahboomd.tools.setup.board_law import as_drivable
 from yahboomd.tools.setup.description import Description
@@ -271,12 +272,12 @@ async def _counting(talk: Conversation) -> Counts:
     """Wait for the counters, and return them."""
     # A board that was switched off for a repair is silent at first.
     for _ in range(1 + math.ceil(talk.dialect.starts_within_s / COUNTERS_WITHIN_S)):
-        counts = await talk.read_counters()
+        counts = await read_counters(talk)
         if counts is not None:
             return counts
     raise BoardSilent(
         "The board answers, but sends no counters.",
-        remedy=await talk.why_silent() or "Is the cable long or noisy? Try `yahboomd probe`.",
+        remedy=await why_silent(talk) or "Is the cable long or noisy? Try `yahboomd probe`.",
     )
 
 

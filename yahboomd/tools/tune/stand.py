@@ -24,6 +24,7 @@ from yahboomd.core.link.port import Opener
 from yahboomd.core.model import CHANNELS, NS_PER_S, Counts, EncoderReading, Motor
 from yahboomd.core.protocol.dialect import Dialect, Motion
 from yahboomd.core.protocol.settings import BoardSettings
+from yahboomd.tools.port.board_questions import read_battery, read_counters
 from yahboomd.tools.port.coming_to_rest import counts_at_rest, cut
 from yahboomd.tools.port.guarded import GuardedPort, guarded
 from yahboomd.tools.tune import wheel_faults
@@ -123,12 +124,12 @@ class Stand:
                 async with line_blamed(line, dialect):
                     stand = cls(line, dialect, motors, motion, guard)
                     stand.settings = settings
-                    stand.volts = await talk.read_battery()
+                    stand.volts = await read_battery(talk)
                     # A brake would start the board's speed loop again.
                     line.let_go = dialect.cut is not None
                     for frame in dialect.arm:
                         line.writer.queue(frame)
-                    if await talk.read_counters() is None:
+                    if await read_counters(talk) is None:
                         raise BoardSilent(
                             f"{line.port.name}: the board sends no counters.",
                             remedy="Is the cable long or noisy? Try `yahboomd probe`.",
