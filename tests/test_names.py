@@ -71,6 +71,7 @@ def test_endpoints_that_zenoh_takes_are_taken(endpoint):
         "unixsock-stream/relative.sock",
         "tcp/127.0.0.1:7448\n",
         "tcp/robot\udcff:7448",
+        "tls/robot:7447#connect_private_key_base64=c2VjcmV0",
     ],
 )
 def test_endpoints_that_zenoh_cannot_use_are_refused(endpoint):
@@ -89,6 +90,7 @@ def test_endpoints_that_zenoh_cannot_use_are_refused(endpoint):
         ("tcp/[::]:7447", False),
         ("tcp/192.168.1.5:7447", False),
         ("tls/robot:7447", False),
+        ("tls/robot:7447#connect_private_key_file=/etc/yahboomd/key.pem", False),
     ],
 )
 def test_endpoints_of_this_machine_are_local(endpoint, local):

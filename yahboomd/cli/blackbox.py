@@ -94,7 +94,7 @@ def run(args: argparse.Namespace) -> int:
     """Carry out one verb."""
     if args.verb == "save":
         return _save(args)
-    where, wanted = _places(args)
+    where, wanted = places_asked(args)
     from yahboomd.tools.blackbox.box_places import boxes, choose, load
 
     found = boxes(where)
@@ -115,7 +115,7 @@ def run(args: argparse.Namespace) -> int:
     return os.EX_OK
 
 
-def _places(args: argparse.Namespace) -> tuple[Places, BoxQuery]:
+def places_asked(args: argparse.Namespace) -> tuple[Places, BoxQuery]:
     """The folders that may hold boxes, and the robot that is meant."""
     from yahboomd.core.config import Config
     from yahboomd.core.config.models import blackbox_folder

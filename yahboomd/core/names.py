@@ -51,6 +51,9 @@ def endpoint_problem(endpoint: str) -> str | None:
     parts = _ENDPOINT.fullmatch(endpoint)
     if parts is None:
         return "it is not of the form protocol/address, such as tcp/127.0.0.1:7447"
+    # The configuration is published, and stands in black boxes and logs.
+    if re.search("password|private_key(?!_file)", endpoint.partition("#")[2]):
+        return "a secret belongs in the file that zenoh.config names: what stands here is published"
     protocol, address = parts["protocol"], parts["address"]
     if protocol not in PROTOCOLS:
         return f"{protocol!r} is none of {', '.join(PROTOCOLS)}"

@@ -37,6 +37,7 @@ COMMANDS = {
     "calibrate": "find the true size of the wheels and the track",
     "tune": "measure how the wheels follow, and find better gains",
     "config": "check, show and explain the configuration",
+    "report": "write one file for somebody who helps with a problem",
     "install": "install the service: at boot, or as the board is plugged in",
     "uninstall": "take the service away again",
     "completions": "print what completes commands in bash, zsh or fish",
