@@ -13,7 +13,7 @@ import time
 import traceback
 from pathlib import Path
 
-from benchmarks import report
+from benchmarks import results
 
 POINTS = ("exactness", "baseline", "ros", "latency", "throughput", "cost", "fleet")
 
@@ -23,14 +23,14 @@ RESUME_S = 3600.0
 
 def measure(name: str, *, short: bool, out: Path, store: Path) -> None:
     """Run one benchmark, store its results and print them."""
-    conditions, began = report.conditions(), time.monotonic()
+    conditions, began = results.conditions(), time.monotonic()
     module = importlib.import_module(f"benchmarks.{name}")
-    section: report.Section = module.bench(short=short, images=out / "images")
+    section: results.Section = module.bench(short=short, images=out / "images")
     section.conditions = f"{conditions} {time.monotonic() - began:.0f} s."
     if short:
         section.conditions += " A short run: its figures prove nothing."
-    report.store(section, store)
-    print(report.results(section), report.tables(section), sep="\n\n", flush=True)
+    results.store(section, store)
+    print(results.results(section), results.tables(section), sep="\n\n", flush=True)
 
 
 def main() -> None:
@@ -38,9 +38,9 @@ def main() -> None:
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"one of {', '.join(POINTS)}")
     parser.add_argument("--short", action="store_true", help="a quick check that it works")
     parser.add_argument(
-        "--out", type=Path, default=report.ROOT / "docs", help="the folder of the pages"
+        "--out", type=Path, default=results.ROOT / "docs", help="the folder of the pages"
     )
-    parser.add_argument("--store", type=Path, default=report.STORE)
+    parser.add_argument("--store", type=Path, default=results.STORE)
     parser.add_argument(
         "--page", action="store_true", help="measure nothing: write the pages from stored results"
     )
@@ -52,17 +52,17 @@ def main() -> None:
     (args.out / "images").mkdir(parents=True, exist_ok=True)
     failed = []
     for name in () if args.page else names:
-        if args.resume and report.age_s(name, args.store) < RESUME_S:
+        if args.resume and results.age_s(name, args.store) < RESUME_S:
             continue
         try:
             measure(name, short=args.short, out=args.out, store=args.store)
-        except report.NotHere as reason:
+        except results.NotHere as reason:
             print(f"{name} is left out, and its page stays as it is: {reason}.", flush=True)
         except Exception:  # noqa: BLE001 - printed, and the exit code is 1
             traceback.print_exc()
             failed.append(name)
-        report.write_pages(report.stored(POINTS, args.store), args.out)
-    report.write_pages(report.stored(POINTS, args.store), args.out)
+        results.write_pages(results.stored(POINTS, args.store), args.out)
+    results.write_pages(results.stored(POINTS, args.store), args.out)
     if failed:
         words = " ".join(failed)
         sys.exit(f"Not measured: {words}. Again: .venv/bin/python -m benchmarks {words}")

@@ -25,7 +25,7 @@ from benchmarks import rig
 from benchmarks.drivers import ARTICLE, DRIVERS, YAHBOOMD, frames, trial
 from benchmarks.features import FEATURES
 from benchmarks.latency import UNLIMITED
-from benchmarks.report import Section, method, milliseconds, number, quantile
+from benchmarks.results import Section, method, milliseconds, number, quantile
 
 SHORT = 0.25
 """The factor for the length of each drive in the short form."""

@@ -23,7 +23,7 @@ from pathlib import Path
 
 from benchmarks import latency, rig
 from benchmarks.ratios import listen, memory_mb
-from benchmarks.report import median, quantile
+from benchmarks.results import median, quantile
 from benchmarks.thin_board import read_log
 from yahboomd.blackbox.recorder import Recorder
 from yahboomd.blackbox.records import CommandRecord, encode

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 from benchmarks import flame, pictures, rig
 from benchmarks.latency import UNLIMITED, command, publisher
-from benchmarks.report import Section, median, method, number, quantile
+from benchmarks.results import Section, median, method, number, quantile
 from benchmarks.staged import STAGES, spans
 
 COMMANDS_HZ = 50

@@ -33,7 +33,7 @@ from benchmarks.paths import (
     truth,
 )
 from benchmarks.recorded import DRIVES, record
-from benchmarks.report import Section, method, number
+from benchmarks.results import Section, method, number
 from yahboomd.core.odometry.covariance import NOISE_M, Covariance
 from yahboomd.core.odometry.integrator import Integrator
 

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from benchmarks import pictures, rig
-from benchmarks.report import Section, median, method, milliseconds, number
+from benchmarks.results import Section, median, method, milliseconds, number
 
 PER_PROCESS = 100
 PER_OPERATOR = 200

@@ -29,7 +29,7 @@ import msgspec
 import zenoh
 from zenoh.handlers import Callback, RingChannel
 
-from benchmarks.report import quantile
+from benchmarks.results import quantile
 from benchmarks.rig import client, client_config
 from yahboomd.core.messages.native import PoseSample
 

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import zenoh
 
 from benchmarks import pictures, rig
-from benchmarks.report import Section, method, milliseconds, number, quantile
+from benchmarks.results import Section, method, milliseconds, number, quantile
 from benchmarks.thin_board import BYTE_NS, read_log
 
 DAEMON, ZENOH, LOOP, SOCKET = range(4)

@@ -20,7 +20,7 @@ from random import Random
 from typing import NamedTuple
 
 from benchmarks.move_bench import TRACK_M, Drive, MoveBench
-from benchmarks.report import quantile
+from benchmarks.results import quantile
 from yahboomd.client.move_messages import Move
 from yahboomd.core.model import Pose2d
 from yahboomd.moves.motion.lag_model import in_base

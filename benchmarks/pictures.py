@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchmarks.report import Section
+from benchmarks.results import Section
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from benchmarks import latency, rig
-from benchmarks.report import ROOT, median, number
+from benchmarks.results import ROOT, median, number
 
 DRIVE_HZ = 20
 

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple, Self, TypeVar
 
 import zenoh
 
-from benchmarks.report import ROOT
+from benchmarks.results import ROOT
 
 PATIENCE_S = 120.0
 

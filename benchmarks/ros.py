@@ -36,7 +36,7 @@ from benchmarks import baseline, rig, ros_ways
 from benchmarks.article import TICKS_PER_REV, WHEEL_RADIUS_M
 from benchmarks.drivers import Trial, frames, trial
 from benchmarks.latency import UNLIMITED
-from benchmarks.report import Section, median, method, number, quantile
+from benchmarks.results import Section, median, method, number, quantile
 
 ROUNDS = 4
 RATES = {10: 100, 20: 200}

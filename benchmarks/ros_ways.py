@@ -19,7 +19,7 @@ import zenoh
 
 from benchmarks import rig
 from benchmarks.drivers import STARTS, WHEELS, ArticleDriver, Started
-from benchmarks.report import ROOT, NotHere
+from benchmarks.results import ROOT, NotHere
 from yahboomd.ros2.messages import ros2_encoders, ros2_names
 
 NODE, BRIDGE, NATIVE = WAYS = (

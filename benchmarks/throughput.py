@@ -21,7 +21,7 @@ import time
 from pathlib import Path
 
 from benchmarks import pictures, rig
-from benchmarks.report import Section, median, method, milliseconds, number, quantile
+from benchmarks.results import Section, median, method, milliseconds, number, quantile
 from benchmarks.thin_board import BYTE_NS, CARRY_OUT_NS, read_log
 
 TICKS = 1_000_000

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import report
+from benchmarks import results
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -75,8 +75,8 @@ def test_an_unknown_benchmark_is_refused(tmp_path: Path) -> None:
 
 def keep(where: Path) -> Path:
     """Store a benchmark as measured just now."""
-    section = report.Section(name="latency", title="Measured", about="Before.", how="Somehow.")
-    report.store(section, where / "store")
+    section = results.Section(name="latency", title="Measured", about="Before.", how="Somehow.")
+    results.store(section, where / "store")
     return where / "store" / "latency.json"
 
 

@@ -8,7 +8,7 @@ from benchmarks.exactness import floor, tables_of_paths, tables_of_records
 from benchmarks.formulas import FORMULAS, OURS
 from benchmarks.paths import PATHS, TICK_M, TRACK_M, truth
 from benchmarks.recorded import DRIVES
-from benchmarks.report import Section, Table
+from benchmarks.results import Section, Table
 
 HZ = 20
 

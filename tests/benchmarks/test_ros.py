@@ -5,7 +5,7 @@ import json
 import pytest
 
 from benchmarks import ros_ways
-from benchmarks.report import NotHere
+from benchmarks.results import NotHere
 from benchmarks.ros import M_PER_COUNT, command_times, recorded, sample_times
 
 MS = 1_000_000

@@ -21,7 +21,7 @@ from real_robot import Client, RealRobot
 from ros_peers import DISTROS, until
 
 from benchmarks.latency import UNLIMITED
-from benchmarks.report import median, quantile
+from benchmarks.results import median, quantile
 from benchmarks.rig import share_of_core, usage
 from yahboomd.simulation.heard import read_heard
 

@@ -8,7 +8,7 @@ from ros_peers import until
 
 from benchmarks import ros_ways
 from benchmarks.drivers import frames, trial
-from benchmarks.report import NotHere
+from benchmarks.results import NotHere
 
 pytestmark = pytest.mark.realtime
 

@@ -1,45 +1,16 @@
-"""One file with what somebody who helps has to know, whatever is wrong with the robot."""
+"""A report is written whatever the commands do that it asks."""
 
 from __future__ import annotations
 
-import os
 import zipfile
 from pathlib import Path
 
 import pytest
-from zenoh_fixtures import free_endpoint
 
-from yahboomd import __version__
-from yahboomd.cli.main import main
 from yahboomd.tools.report import trouble_report
-from yahboomd.tools.report.trouble_report import JOURNAL, QUESTIONS, write_report
+from yahboomd.tools.report.trouble_report import write_report
 
 pytestmark = pytest.mark.realtime
-
-
-def test_it_has_an_answer_or_the_reason_for_each_question_and_no_way_in(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    written, config = tmp_path / "report.zip", tmp_path / "robot.toml"
-    config.write_text('[zenoh]\nnamespace = "bot1"\n')
-    options = ["--config", str(config), "--connect", free_endpoint(), "--port", "/dev/null"]
-    assert main(["report", str(written), *options]) == os.EX_OK
-    assert str(written) in capsys.readouterr().out
-    with zipfile.ZipFile(written) as file:
-        parts = {name: file.read(name).decode() for name in file.namelist() if ".txt" in name}
-    assert set(parts) == {f"{name}.txt" for name in (*QUESTIONS, "machine", "journal")}
-    assert f"yahboomd {__version__}" in parts["machine.txt"]
-    assert "eclipse-zenoh" in parts["machine.txt"]
-    assert 'namespace = "bot1"' in parts["config.txt"]
-    assert "(exit status 69)" in parts["status.txt"]
-    assert "No yahboomd answers" in parts["status.txt"]
-    assert "/dev/null" in parts["probe.txt"]
-    assert not any("Traceback" in text or "usage:" in text for text in parts.values())
-    # The page's log names links that let people in.
-    assert not any("yahboomd-web" in word for word in JOURNAL)
-    # It is never written over something.
-    assert main(["report", str(written)]) == os.EX_CANTCREAT
-    assert "Name another file" in capsys.readouterr().err
 
 
 def test_a_command_that_hangs_or_is_not_there_is_a_fact_of_the_report(

@@ -43,6 +43,7 @@ STATUSES: Mapping[int, str] = {
     70: "an error of yahboomd itself; the log has a traceback.",
     71: "the system allows a process too few files or threads, or too little memory.",
     74: "the output cannot be written: the disk is full.",
+    73: "the file cannot be written.",
     75: "the daemon ended, and did not see the wheels stand: look at them.",
     77: "no permission.",
     78: "a mistake in the configuration, or in the board's settings, that a person must correct.",

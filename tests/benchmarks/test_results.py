@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import math
 
-from benchmarks.report import HEAD, ROOT, Section, number, quantile, store, stored, write_pages
+from benchmarks.results import HEAD, ROOT, Section, number, quantile, store, stored, write_pages
 
 
 def test_a_quantile_is_one_of_the_values() -> None:
