@@ -22,8 +22,8 @@ from yahboomd.tools.calibrate.choices import SquareRuns, TapeRuns
 SCALE, RATIO, TRACK = 1.03, 1.01, 1.04
 """The true size of wheels, right over left wheel, and track, each for one as configured."""
 
-TAPE = TapeRuns(straight_m=1.0, speed_m_s=0.3, turn_rad_s=2.0, turns=1)
-SQUARES = SquareRuns(side_m=0.5, count=1, straight_m=1.0, speed_m_s=0.3, turn_rad_s=2.0)
+TAPE = TapeRuns(straight_m=1.0, speed_m_s=0.3, turn_speed_rad_s=2.0, turns=1)
+SQUARES = SquareRuns(side_m=0.5, count=1, straight_m=1.0, speed_m_s=0.3, turn_speed_rad_s=2.0)
 RUNS = {"tape": TAPE, "squares": SQUARES} if LONG else {"tape": TAPE}
 TRIED = of_all(MOTORS, every=2, first=2)
 

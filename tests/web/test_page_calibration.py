@@ -296,7 +296,7 @@ def test_a_page_may_choose_whatever_the_command_lets_a_person_choose() -> None:
     elsewhere = {"--json", "--source", "--dialogue", "--held", "--help", "-h"}
     of_the_robot = {"--timeout", "--connect", "--namespace", "--config", "--set", "-c"}
     for verb, fields in FORMS.items():
-        ours = {f"--{each.name}" for each in fields}
+        ours = {f"--{name}" for name in fields}
         assert found[verb] - elsewhere - of_the_robot == ours
 
 
@@ -458,6 +458,29 @@ async def test_a_robot_that_a_person_pushes_is_driven_by_nothing(tmp_path: Path)
         robot.wizard.end()
         await robot.bench.until(lambda: robot.over)
         assert robot.shown["refused"] == "Ended: nothing was driven, and nothing was written."
+
+
+@on_virtual_time
+async def test_an_emergency_stop_in_mid_run_ends_the_calibration(tmp_path: Path) -> None:
+    async with led(tmp_path) as robot:
+        robot.begin()
+        await _moving(robot)
+        robot.bench.operator.engage_estop("a page")
+        await robot.hold(lambda: False)
+        await robot.bench.until(lambda: robot.bench.standing, within_s=1.0)
+        assert robot.shown["refused"]
+        assert robot.bench.controller.state()[0] == "estopped"
+        assert not robot.file.exists()
+
+
+@on_virtual_time
+async def test_a_server_that_ends_waits_until_the_wheels_stand(tmp_path: Path) -> None:
+    async with led(tmp_path) as robot:
+        robot.begin()
+        await _moving(robot)
+        await asyncio.wait_for(robot.wizard.close(), 3.0)
+        assert robot.bench.standing
+        await robot.ended()
 
 
 class _FailingClient(BenchClient):

@@ -47,9 +47,6 @@ exit status:
   130  Ctrl-C; the robot was stopped and nothing was written
 """
 
-METAVARS = {"m": "M", "m/s": "M_PER_S", "rad/s": "RAD_PER_S", "": "N"}
-"""The stand-in for a number with this unit."""
-
 _positive = number("a number above 0", lambda value: math.isfinite(value) and value > 0.0)
 _whole = number("a whole number from 1 to 50", lambda n: n in range(1, 51))
 
@@ -125,16 +122,16 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def _add_choices(parser: argparse.ArgumentParser, verb: str) -> None:
     """Add an option for each choice of a calibration."""
-    for each in fields_of(CALIBRATIONS[verb]):
-        if each.least is None:
-            parser.add_argument(f"--{each.name}", action="store_true", help=each.words)
+    for name, each in fields_of(CALIBRATIONS[verb]).items():
+        if each["type"] == "boolean":
+            parser.add_argument(f"--{name}", action="store_true", help=each["description"])
             continue
         parser.add_argument(
-            f"--{each.name}",
-            metavar=METAVARS[each.unit],
-            type=_count if each.whole else _positive,
-            default=each.default,
-            help=f"{each.words}{each.unit and f', {each.unit}'} (default: %(default)s)",
+            f"--{name}",
+            metavar="N",
+            type=_count if each["type"] == "integer" else _positive,
+            default=each["default"],
+            help=f"{each['description']} (default: %(default)s)",
         )
 
 
@@ -196,8 +193,8 @@ def _with_person(args: argparse.Namespace, loaded: Loaded) -> int:
     from yahboomd.tools.terminal.asking import Answers
 
     kind = CALIBRATIONS[args.verb]
-    names = {each.field: each.name.replace("-", "_") for each in fields_of(kind)}
-    choices = kind(**{field: getattr(args, name) for field, name in names.items()})
+    fields = zip(kind.__struct_fields__, kind.__struct_encode_fields__, strict=True)
+    choices = kind(**{field: getattr(args, name.replace("-", "_")) for field, name in fields})
     drives = args.verb != "imu"
     if drives:
         check_source(args)

@@ -19,14 +19,7 @@ from yahboomd.core.config import Loaded
 from yahboomd.core.errors import YahboomdError
 from yahboomd.tools.calibrate.calibration import calibrate, ended, undo
 from yahboomd.tools.calibrate.choices import CALIBRATIONS, Choices, fields_of, read_choices
-from yahboomd.tools.calibrate.dialogue import (
-    AskedQuestion,
-    Dialogue,
-    MovedSoFar,
-    SaidWords,
-    ShownResult,
-    Told,
-)
+from yahboomd.tools.calibrate.dialogue import Dialogue, Message
 from yahboomd.tools.calibrate.hold import HeldButton
 from yahboomd.web.page_frames import part
 
@@ -78,8 +71,8 @@ class PageCalibration:
         self._clear()
 
     def _clear(self) -> None:
-        self._question: AskedQuestion | None = None
-        self._progress: MovedSoFar | None = None
+        self._question: Message | None = None
+        self._progress: Message | None = None
         self._said: list[str] = []
         self._result: dict[str, Any] | None = None
         self._refused = ""
@@ -144,16 +137,16 @@ class PageCalibration:
             )
         self._changed()
 
-    def _tell(self, told: Told) -> None:
+    def _tell(self, told: Message) -> None:
         match told:
-            case AskedQuestion():
+            case {"type": "question"}:
                 self._question, self._progress = told, None
-            case MovedSoFar():
+            case {"type": "progress"}:
                 self._progress = told
-            case SaidWords():
-                self._said = [*self._said, told.text][-SAID:]
-            case ShownResult():
-                self._result = {"text": told.text, "written": told.facts.get("written")}
+            case {"type": "say", "text": str(text)}:
+                self._said = [*self._said, text][-SAID:]
+            case {"type": "result", "text": str(text), "facts": dict(facts)}:
+                self._result = {"text": text, "written": facts.get("written")}
         self._changed()
 
     def answer(self, page: int, question: object, text: object) -> str:

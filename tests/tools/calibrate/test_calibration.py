@@ -18,7 +18,7 @@ from yahboomd.tools.calibrate.calibration import calibrate, ended, undo
 from yahboomd.tools.calibrate.calibration_writing import write_calibration
 from yahboomd.tools.calibrate.choices import HandTurns, TapeRuns
 
-QUICK = TapeRuns(straight_m=1.0, turns=1, speed_m_s=0.4, turn_rad_s=2.0)
+QUICK = TapeRuns(straight_m=1.0, turns=1, speed_m_s=0.4, turn_speed_rad_s=2.0)
 NOWHERE = Pose2d(x=0.0, y=0.0, theta=0.0)
 
 

@@ -42,24 +42,26 @@ def test_nothing_else_that_a_page_sends_is_a_choice(verb: Any, choices: Any) -> 
 
 @pytest.mark.parametrize("verb", CALIBRATIONS)
 def test_every_bound_and_default_of_a_field_may_be_chosen_and_nothing_beyond(verb: str) -> None:
-    for each in fields_of(CALIBRATIONS[verb]):
-        assert read_choices(verb, {each.name: each.default}) == CALIBRATIONS[verb]()
-        if each.least is None or each.most is None:
+    for name, each in fields_of(CALIBRATIONS[verb]).items():
+        assert read_choices(verb, {name: each["default"]}) == CALIBRATIONS[verb]()
+        if each["type"] == "boolean":
             continue
-        step = 1 if each.whole else 0.001
-        for bound, beyond in ((each.least, each.least - step), (each.most, each.most + step)):
-            assert read_choices(verb, {each.name: bound}) is not None
-            assert read_choices(verb, {each.name: beyond}) is None
+        least, most = each["minimum"], each["maximum"]
+        step = 1 if each["type"] == "integer" else 0.001
+        for bound, beyond in ((least, least - step), (most, most + step)):
+            assert read_choices(verb, {name: bound}) is not None
+            assert read_choices(verb, {name: beyond}) is None
 
 
-def test_a_field_is_described_for_the_command_and_the_form() -> None:
-    fields = {each.name: each for each in fields_of(TapeRuns)}
-    straight, turns = fields["straight"], fields["turns"]
-    assert (straight.field, straight.unit, straight.least, straight.whole) == (
-        *("straight_m", "m", 0.2),
-        False,
-    )
-    assert (turns.whole, turns.unit, turns.more) == (True, "", False)
-    assert (fields["by-hand"].least, fields["by-hand"].default) == (None, False)
+def test_the_usual_choices_come_first_and_have_words_with_their_unit() -> None:
+    fields = fields_of(TapeRuns)
     usual, speeds = ["straight", "turns"], ["speed", "turn-speed", "sideways"]
     assert list(fields) == [*usual, *speeds, "by-hand", "dry-run"]
+    assert fields["straight"] == {
+        "description": "straight run, m",
+        "type": "number",
+        "minimum": 0.2,
+        "maximum": 20.0,
+        "default": 2.0,
+    }
+    assert (fields["turns"]["type"], fields["by-hand"]["type"]) == ("integer", "boolean")

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import math
+from functools import partial
 from typing import TYPE_CHECKING
 
 from yahboomd.core.bus import keys
 from yahboomd.core.errors import ConfigError, Refused
 from yahboomd.tools.calibrate.calibration_writing import check_writable, undo_calibration
-from yahboomd.tools.calibrate.choices import HandTurns
+from yahboomd.tools.calibrate.choices import HandTurns, TapeRuns
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from yahboomd.core.clock import Clock
     from yahboomd.core.config import Config, Loaded
     from yahboomd.tools.calibrate.choices import Choices
+    from yahboomd.tools.calibrate.estimates.least_squares import Fit
+    from yahboomd.tools.calibrate.estimates.sideways import Sideways, SidewaysRun
     from yahboomd.tools.calibrate.hold import HeldButton
     from yahboomd.tools.terminal.asking import Person
 
@@ -56,27 +59,63 @@ async def calibrate(
         from yahboomd.tools.calibrate.imu_by_hand import show_mounted, turn_by_hand
 
         config = await config_of(robot, loaded)
-        found = await turn_by_hand(
-            lambda: robot.samples(ImuSample, depth=1024), person, config, choices.turns
-        )
-        show_mounted(found, config, person)
+        stream = partial(robot.samples, ImuSample, depth=1024)
+        show_mounted(await turn_by_hand(stream, person, config, choices.turns), config, person)
         return
     # Both before the robot moves: numpy belongs to an extra, and may be missing.
     await asyncio.to_thread(_import_fits)
     if not choices.dry_run and loaded.calibration_path is not None:
         check_writable(loaded.calibration_path)
-    from yahboomd.tools.calibrate.wizard import drive_and_fit
+    from yahboomd.tools.calibrate.estimates.least_squares import PARTS, Unseen, fit
+    from yahboomd.tools.calibrate.estimates.runs import Factors
+    from yahboomd.tools.calibrate.estimates.sideways import fit_sideways
+    from yahboomd.tools.calibrate.estimates.verdict import unseen
+    from yahboomd.tools.calibrate.result import conclude, ratio_of
+    from yahboomd.tools.calibrate.shapes import LegDriver
+    from yahboomd.tools.calibrate.wizard import Wizard
 
     config = await config_of(robot, loaded)
-    await drive_and_fit(
-        robot,
+    holonomic = config.kinematics().holonomic
+    if holonomic and not isinstance(choices, TapeRuns):
+        raise Refused(
+            "A mecanum base is calibrated by tape: its slip hides the ratio of the wheels. "
+            "`yahboomd calibrate tape`"
+        )
+    wizard = Wizard(LegDriver(robot, config, source, hold, clock), person, choices)
+    beside: list[SidewaysRun] = []
+    if isinstance(choices, TapeRuns):
+        # The rollers of a mecanum base bend it, too.
+        runs = await wizard.by_tape(choices, bend=not holonomic)
+        if holonomic:
+            beside = await wizard.sideways(choices.sideways_m)
+        bent = any(run.kind == "pose" for run in runs)
+        method, free = "tape", PARTS if bent else PARTS[::2]
+    else:
+        runs = await wizard.by_squares(choices)
+        method, free = f"squares of {choices.side_m:g} m", PARTS
+
+    def fitted() -> tuple[Fit, Sideways | None]:
+        # Without a measured bend a tape does not show the ratio: keep the one found by squares.
+        found = fit(runs, free=free, start=Factors(ratio=ratio_of(config)))
+        if not beside:
+            return found, None
+        scale, track, std = found.factors.scale, found.factors.track, found.std.scale
+        return found, fit_sideways(beside, scale=scale, track=track, scale_std=std)
+
+    try:
+        found, to_the_side = await asyncio.to_thread(fitted)
+    except Unseen as error:
+        raise Refused(f"Nothing was written. {unseen(error)}") from error
+    await conclude(
+        found,
         config,
-        choices,
-        person,
-        hold,
-        path=loaded.calibration_path,
-        source=source,
-        clock=clock,
+        loaded.calibration_path,
+        method=method,
+        runs=runs,
+        sideways=to_the_side,
+        sideways_runs=beside,
+        dry_run=choices.dry_run,
+        person=person,
     )
 
 

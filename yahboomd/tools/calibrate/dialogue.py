@@ -13,8 +13,6 @@ from collections.abc import Callable, Coroutine
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-import msgspec
-
 from yahboomd.core.errors import Refused, YahboomdError
 from yahboomd.tools.terminal.asking import input_ended
 from yahboomd.tools.terminal.input_lines import InputLines
@@ -28,50 +26,8 @@ PROGRESS_NS = 200_000_000
 """The least time between two reports of progress."""
 
 
-class AskedQuestion(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, tag="question"):
-    """A question that waits for an answer, or for a button that is held.
-
-    Attributes:
-        kind: ``confirm``, ``start``, ``hold`` or ``number``.
-        run: Of a tape or squares, the run that it is about: ``straight``, ``turn``, ``sideways`` or
-            ``square``, the last three with ``left`` or ``right``.
-        unit: Of a number.
-        wrong: Why the answer before was refused.
-        bounds: Of the movement: ``distance_m``, ``turn_rad``, ``time_s``.
-    """
-
-    id: str
-    name: str
-    kind: str
-    text: str
-    run: str = ""
-    unit: str = ""
-    wrong: str = ""
-    bounds: dict[str, float] | None = None
-
-
-class MovedSoFar(msgspec.Struct, frozen=True, kw_only=True, tag="progress"):
-    """The progress of a movement: ``done`` of this part, from 0 to 1."""
-
-    part: int
-    parts: int
-    done: float
-
-
-class SaidWords(msgspec.Struct, frozen=True, kw_only=True, tag="say"):
-    """A sentence for the person."""
-
-    text: str
-
-
-class ShownResult(msgspec.Struct, frozen=True, kw_only=True, tag="result"):
-    """The result as a table, and its facts; ``written`` among them names the file."""
-
-    text: str
-    facts: dict[str, Any]
-
-
-Told: TypeAlias = AskedQuestion | MovedSoFar | SaidWords | ShownResult
+Message: TypeAlias = dict[str, Any]
+"""One of ``docs/calibration.md``: a question, progress, a sentence or the result."""
 
 
 class Dialogue:
@@ -85,7 +41,7 @@ class Dialogue:
     enter = "Press \N{LEFT DOUBLE QUOTATION MARK}Done\N{RIGHT DOUBLE QUOTATION MARK}"
 
     def __init__(
-        self, tell: Callable[[Told], None], clock: Clock, hold: HeldButton | None = None
+        self, tell: Callable[[Message], None], clock: Clock, hold: HeldButton | None = None
     ) -> None:
         self._tell = tell
         self._clock = clock
@@ -121,9 +77,8 @@ class Dialogue:
         self._asked += 1
         self._id = f"{name}-{self._asked}"
         self._answer = asyncio.get_running_loop().create_future()
-        self._tell(
-            AskedQuestion(id=self._id, name=name, kind=kind, text=text, run=self._run, **more)
-        )
+        about = {"run": self._run} if self._run else {}
+        self._tell_of("question", id=self._id, name=name, kind=kind, text=text, **about, **more)
         return await self._answer
 
     def about(self, run: str) -> None:
@@ -165,7 +120,7 @@ class Dialogue:
 
     def say(self, words: str) -> None:
         """Show it."""
-        self._tell(SaidWords(text=words))
+        self._tell_of("say", text=words)
 
     def progress(self, part: int, parts: int, done: float) -> None:
         """Show it, at most every :data:`PROGRESS_NS` within a part."""
@@ -173,11 +128,14 @@ class Dialogue:
         now_ns = self._clock.now_ns()
         if part != before_part or done >= 1.0 or now_ns - before_ns >= PROGRESS_NS:
             self._reported = (part, now_ns)
-            self._tell(MovedSoFar(part=part, parts=parts, done=round(done, 3)))
+            self._tell_of("progress", part=part, parts=parts, done=round(done, 3))
 
     def result(self, table: str, facts: dict[str, Any]) -> None:
         """Show it."""
-        self._tell(ShownResult(text=table, facts=facts))
+        self._tell_of("result", text=table, facts=facts)
+
+    def _tell_of(self, kind: str, /, **fields: Any) -> None:  # noqa: ANN401
+        self._tell({"type": kind, **fields})
 
 
 def _amount(bounds: LargestMove) -> str:
@@ -188,18 +146,14 @@ def _amount(bounds: LargestMove) -> str:
     return " and ".join(words)
 
 
-# The fits calculate with numpy's numbers, which are floats, too.
-_encoder = msgspec.json.Encoder(enc_hook=float)
-
-
-def write_line(told: Told) -> None:
+def write_line(message: Message) -> None:
     """Write one line of JSON to standard output."""
-    print(_encoder.encode(told).decode(), flush=True)
+    print(json.dumps(message), flush=True)
 
 
 def write_refused(error: YahboomdError) -> None:
     """Write the last line if nothing was written to the calibration file."""
-    _write("refused", text=str(error), status=error.exit_code)
+    write_line({"type": "refused", "text": str(error), "status": error.exit_code})
 
 
 async def lead_by_lines(dialogue: Dialogue, work: Coroutine[Any, Any, None]) -> None:
@@ -240,9 +194,5 @@ async def _read(dialogue: Dialogue) -> Refused:
             case {"type": "abort"}:
                 return Refused("The calibration was ended: nothing was written.")
             case _:
-                _write("ignored", text="Not an answer to the open question.")
+                write_line({"type": "ignored", "text": "Not an answer to the open question."})
     return input_ended()
-
-
-def _write(line_type: str, /, **fields: Any) -> None:  # noqa: ANN401
-    print(json.dumps({"type": line_type, **fields}), flush=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from yahboomd.core.errors import Refused
 
@@ -19,15 +19,6 @@ if TYPE_CHECKING:
 REST_S = 3.0
 FIRST_WITHIN_S = 2.0
 LONGEST_GAP_NS = 200_000_000
-
-
-class Asks(Protocol):
-    """Asks the person."""
-
-    enter: str
-
-    async def confirm(self, name: str, words: str) -> None:
-        """Wait until they confirm that it is done."""
 
 
 class _Gathered:
@@ -57,7 +48,7 @@ class _Gathered:
 
 
 async def turn_by_hand(
-    stream: Callable[[], AsyncIterator[ImuSample]], answers: Asks, config: Config, turns: float
+    stream: Callable[[], AsyncIterator[ImuSample]], person: Person, config: Config, turns: float
 ) -> Mounted:
     """Ask the person to turn the robot, and judge its sensor's samples.
 
@@ -74,16 +65,16 @@ async def turn_by_hand(
             "sensor in board.imu if the board has one."
         ) from error
     mark = "Put the robot on the floor, its side along a straight edge, and take your hands off."
-    await answers.confirm("rest", f"{mark} {answers.enter}, then wait {REST_S:g} s.")
+    await person.confirm("rest", f"{mark} {person.enter}, then wait {REST_S:g} s.")
     rest = await _gather(stream(), asyncio.sleep(REST_S), (0.0, 0.0, 0.0))
     bias, force = (
         (each[0] / rest.count, each[1] / rest.count, each[2] / rest.count)
         for each in (rest.turn, rest.force)
     )
-    asked = answers.confirm(
+    asked = person.confirm(
         "turned",
         f"Turn it {turns:g} times to the left, flat on the floor, back to the edge: counter-"
-        f"clockwise from above. {answers.enter} when it is there.",
+        f"clockwise from above. {person.enter} when it is there.",
     )
     moved = await _gather(stream(), asked, bias)
     if moved.lost:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import math
 from functools import partial
 from typing import TYPE_CHECKING
@@ -21,16 +20,9 @@ from yahboomd.tools.calibrate.shapes import (
 from yahboomd.tools.terminal.asking import Number
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
-    from yahboomd.client import AsyncRobot
-    from yahboomd.core.clock import Clock
-    from yahboomd.core.config import Config
     from yahboomd.tools.calibrate.choices import SquareRuns
-    from yahboomd.tools.calibrate.estimates.least_squares import Fit
     from yahboomd.tools.calibrate.estimates.runs import Run
-    from yahboomd.tools.calibrate.estimates.sideways import Sideways, SidewaysRun
-    from yahboomd.tools.calibrate.hold import HeldButton
+    from yahboomd.tools.calibrate.estimates.sideways import SidewaysRun
     from yahboomd.tools.terminal.asking import Person
 
 TAPE_STD_M = 0.002
@@ -71,74 +63,9 @@ def length(counted_m: float) -> Number:
     )
 
 
-async def drive_and_fit(
-    robot: AsyncRobot,
-    config: Config,
-    choices: TapeRuns | SquareRuns,
-    person: Person,
-    hold: HeldButton | None,
-    *,
-    path: Path | None,
-    source: str,
-    clock: Clock | None,
-) -> None:
-    """Ask, drive, fit, and write the result; see :func:`~.calibration.calibrate`.
+class Wizard:
+    """Asks one person; every method has a run driven, or pushed, and measured."""
 
-    Args:
-        config: The daemon's.
-        path: The calibration file; None if there is no state directory.
-    """
-    from yahboomd.tools.calibrate.estimates.least_squares import PARTS, Unseen, fit
-    from yahboomd.tools.calibrate.estimates.runs import Factors
-    from yahboomd.tools.calibrate.estimates.sideways import fit_sideways
-    from yahboomd.tools.calibrate.estimates.verdict import unseen
-    from yahboomd.tools.calibrate.result import conclude, ratio_of
-
-    by_tape, holonomic = isinstance(choices, TapeRuns), config.kinematics().holonomic
-    if holonomic and not by_tape:
-        raise Refused(
-            "A mecanum base is calibrated by tape: its slip hides the ratio of the wheels. "
-            "`yahboomd calibrate tape`"
-        )
-    wizard = _Wizard(LegDriver(robot, config, source, hold, clock), person, choices)
-    beside: list[SidewaysRun] = []
-    if isinstance(choices, TapeRuns):
-        # The rollers of a mecanum base bend it, too.
-        runs = await wizard.by_tape(choices, bend=not holonomic)
-        if holonomic:
-            beside = await wizard.sideways(choices.sideways_m)
-        bent = any(run.kind == "pose" for run in runs)
-        method, free = "tape", PARTS if bent else PARTS[::2]
-    else:
-        runs = await wizard.by_squares(choices)
-        method, free = f"squares of {choices.side_m:g} m", PARTS
-
-    def fitted() -> tuple[Fit, Sideways | None]:
-        # Without a measured bend a tape does not show the ratio: keep the one found by squares.
-        found = fit(runs, free=free, start=Factors(ratio=ratio_of(config)))
-        if not beside:
-            return found, None
-        scale, track, std = found.factors.scale, found.factors.track, found.std.scale
-        return found, fit_sideways(beside, scale=scale, track=track, scale_std=std)
-
-    try:
-        found, to_the_side = await asyncio.to_thread(fitted)
-    except Unseen as error:
-        raise Refused(f"Nothing was written. {unseen(error)}") from error
-    await conclude(
-        found,
-        config,
-        path,
-        method=method,
-        runs=runs,
-        sideways=to_the_side,
-        sideways_runs=beside,
-        dry_run=choices.dry_run,
-        person=person,
-    )
-
-
-class _Wizard:
     def __init__(self, driver: LegDriver, person: Person, choices: TapeRuns | SquareRuns) -> None:
         self._driver = driver
         self._person = person
@@ -151,7 +78,7 @@ class _Wizard:
             whole = 2.0 * math.pi * options.turns * (1.0 if left else -1.0)
             await self._move(
                 f"turn {way}",
-                turns(whole, options.turn_rad_s),
+                turns(whole, options.turn_speed_rad_s),
                 f"Turn {options.turns:g} times to the {way}: mark the direction of the robot.",
             )
             beyond = await self._person.number(BEYOND)
@@ -184,7 +111,7 @@ class _Wizard:
             for count in range(1, options.count + 1):
                 await self._move(
                     f"square {way}",
-                    square(options.side_m, options.speed_m_s, options.turn_rad_s, left=left),
+                    square(options.side_m, options.speed_m_s, options.turn_speed_rad_s, left=left),
                     f"Square {count} of {options.count:g} to the {way}: put the robot on its mark.",
                 )
                 x = await self._metres("ahead", "How far ahead of its mark did it end, in mm?")

@@ -27,7 +27,7 @@ const METHODS = [
 
 export class Choice {
   #method = METHODS[0];
-  #forms = {}; // The fields of each method.
+  #forms = {}; // The fields of each method, as JSON Schema.
   #inputs = new Map();
   #switches = new Map();
 
@@ -67,24 +67,24 @@ export class Choice {
     this.start.hidden = Boolean(method.command);
     this.#inputs = new Map();
     this.#switches = new Map();
-    const fields = this.#forms[method.verb] ?? [];
-    const more = fields.filter((each) => each.more).map((each) => this.#field(each));
-    this.fields.replaceChildren(...fields.filter((each) => !each.more).map((each) => this.#field(each)));
+    const fields = Object.entries(this.#forms[method.verb] ?? {}).map(([name, field]) => [this.#field(name, field), field.more]);
+    this.fields.replaceChildren(...fields.filter(([, more]) => !more).map(([each]) => each));
+    const more = fields.filter(([, more]) => more).map(([each]) => each);
     if (more.length) this.fields.append(el("details", {}, el("summary", {}, "More"), el("div", { class: "fields" }, ...more)));
   }
 
-  #field({ name, words, unit, least, most, whole, default: value }) {
-    const label = words[0].toUpperCase() + words.slice(1);
-    if (least === undefined) {
+  #field(name, { type, description, minimum: min, maximum: max, default: value }) {
+    const label = description[0].toUpperCase() + description.slice(1);
+    if (type === "boolean") {
       // A button: the space bar, which a checkbox needs, is the emergency stop.
       const button = el("button", { type: "button", "aria-pressed": String(value), onclick: () => button.setAttribute("aria-pressed", button.ariaPressed !== "true") }, label);
       this.#switches.set(name, button);
       return button;
     }
-    const step = whole ? 1 : least < 0.1 ? 0.01 : 0.1;
-    const input = el("input", { type: "number", inputmode: "decimal", required: true, name, value, min: least, max: most, step });
+    const step = type === "integer" ? 1 : min < 0.1 ? 0.01 : 0.1;
+    const input = el("input", { type: "number", inputmode: "decimal", required: true, name, value, min, max, step });
     this.#inputs.set(name, input);
-    return el("label", {}, unit ? `${label}, ${unit} ` : `${label} `, input);
+    return el("label", {}, `${label} `, input);
   }
 
   #submit(event, onStart) {
