@@ -72,7 +72,7 @@ async def calibrate(
     from yahboomd.tools.calibrate.estimates.verdict import unseen
     from yahboomd.tools.calibrate.result import conclude, ratio_of
     from yahboomd.tools.calibrate.shapes import LegDriver
-    from yahboomd.tools.calibrate.wizard import Wizard
+    from yahboomd.tools.calibrate.wizard import MeasuredRuns
 
     config = await config_of(robot, loaded)
     holonomic = config.kinematics().holonomic
@@ -81,17 +81,17 @@ async def calibrate(
             "A mecanum base is calibrated by tape: its slip hides the ratio of the wheels. "
             "`yahboomd calibrate tape`"
         )
-    wizard = Wizard(LegDriver(robot, config, source, hold, clock), person, choices)
+    measured = MeasuredRuns(LegDriver(robot, config, source, hold, clock), person, choices)
     beside: list[SidewaysRun] = []
     if isinstance(choices, TapeRuns):
         # The rollers of a mecanum base bend it, too.
-        runs = await wizard.by_tape(choices, bend=not holonomic)
+        runs = await measured.by_tape(choices, bend=not holonomic)
         if holonomic:
-            beside = await wizard.sideways(choices.sideways_m)
+            beside = await measured.sideways(choices.sideways_m)
         bent = any(run.kind == "pose" for run in runs)
         method, free = "tape", PARTS if bent else PARTS[::2]
     else:
-        runs = await wizard.by_squares(choices)
+        runs = await measured.by_squares(choices)
         method, free = f"squares of {choices.side_m:g} m", PARTS
 
     def fitted() -> tuple[Fit, Sideways | None]:

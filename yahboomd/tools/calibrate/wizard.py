@@ -63,8 +63,8 @@ def length(counted_m: float) -> Number:
     )
 
 
-class Wizard:
-    """Asks one person; every method has a run driven, or pushed, and measured."""
+class MeasuredRuns:
+    """The runs of one calibration: each is announced, driven or pushed, and measured by the person."""
 
     def __init__(self, driver: LegDriver, person: Person, choices: TapeRuns | SquareRuns) -> None:
         self._driver = driver
