@@ -64,7 +64,7 @@ def length(counted_m: float) -> Number:
 
 
 class MeasuredRuns:
-    """The runs of one calibration: each is announced, driven or pushed, and measured by the person."""
+    """The runs of a calibration: each is announced, driven or pushed, and measured."""
 
     def __init__(self, driver: LegDriver, person: Person, choices: TapeRuns | SquareRuns) -> None:
         self._driver = driver
