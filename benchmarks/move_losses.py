@@ -8,10 +8,15 @@ at worst. A machine that has other work makes it longer.
 from __future__ import annotations
 
 import argparse
+import math
+import shutil
 import signal
+import struct
+import subprocess
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from random import Random
 
@@ -22,6 +27,42 @@ from benchmarks import rig
 from benchmarks.soak.processes import DAEMON_NICE, prefer
 
 STANDS_M_S = 0.002
+WALL_CLOCK = """
+#define _GNU_SOURCE
+#include <fcntl.h>
+#include <stdlib.h>
+#include <sys/mman.h>
+#include <sys/syscall.h>
+#include <sys/time.h>
+#include <time.h>
+#include <unistd.h>
+static volatile long long *ahead_s;
+__attribute__((constructor)) static void open_it(void) {
+    int file = open(getenv("CLOCK_AHEAD"), O_RDONLY);
+    ahead_s = mmap(0, 8, PROT_READ, MAP_SHARED, file, 0);
+}
+int clock_gettime(clockid_t id, struct timespec *now) {
+    int code = syscall(SYS_clock_gettime, id, now);
+    if (id == CLOCK_REALTIME || id == CLOCK_REALTIME_COARSE) now->tv_sec += *ahead_s;
+    return code;
+}
+int gettimeofday(struct timeval *now, void *zone) {
+    struct timespec found;
+    clock_gettime(CLOCK_REALTIME, &found);
+    now->tv_sec = found.tv_sec, now->tv_usec = found.tv_nsec / 1000;
+    return 0;
+}
+time_t time(time_t *now) {
+    struct timespec found;
+    clock_gettime(CLOCK_REALTIME, &found);
+    if (now) *now = found.tv_sec;
+    return found.tv_sec;
+}
+"""
+"""Preloaded, it gives a process a wall clock that can be set. (libfaketime changes timers, too.)"""
+
+STEPPED_S = 2.0
+PROCESSES = ("client", "service", "daemon")
 MOVES = (("straight", "5"), ("turn", "2000deg"))
 
 IN_A_BLOCK = """
@@ -40,23 +81,51 @@ with Robot(sys.argv[1]) as robot:
 class Losses:
     """One robot, its moves, and the ways to lose them."""
 
-    def __init__(self, folder: Path, seed: int) -> None:
-        self.robot = RealRobot(folder)
+    def __init__(self, folder: Path, seed: int, *, clocks: bool = False) -> None:
+        self._folder = folder
+        self._clocks = {name: folder / f"clock-{name}" for name in PROCESSES if clocks}
+        self.robot = RealRobot(folder, environ=self._environ("daemon"))
         self.robot.daemon.says("Connected")
         self._chance = Random(seed)
         self.again = 0
+        self.drove = self.told = False
         self.service = self._serve()
 
     def _serve(self) -> Process:
-        service = Process("moves", "--connect", self.robot.endpoint)
+        self._set_clock("service", 0)
+        service = Process(
+            "moves", "--connect", self.robot.endpoint, environ=self._environ("service")
+        )
         # As the daemon: a robot has nothing else to do that starves it.
         prefer(service.process, DAEMON_NICE)
-        service.says("answers")
+        service.says("Moves are served")
         return service
 
     def _mover(self, endpoint: str) -> Process:
         verb, amount = self._chance.choice(MOVES)
-        return Process("move", verb, amount, "--connect", endpoint)
+        environ = self._environ("client")
+        return Process("move", verb, amount, "--connect", endpoint, environ=environ)
+
+    def _environ(self, name: str) -> dict[str, str]:
+        """Gives a process a wall clock that can be set, and leaves it the monotonic one."""
+        if not self._clocks:
+            return {}
+        self._set_clock(name, 0)
+        library = self._folder / "wall_clock.so"
+        if not library.exists():
+            subprocess.run(
+                ["cc", "-shared", "-fPIC", "-x", "c", "-", "-o", library],
+                input=WALL_CLOCK.encode(),
+                check=True,
+            )
+        return {"LD_PRELOAD": str(library), "CLOCK_AHEAD": str(self._clocks[name])}
+
+    def _set_clock(self, name: str, hours: int) -> None:
+        if self._clocks:
+            # In place: the process has mapped it.
+            self._clocks[name].touch()
+            with self._clocks[name].open("r+b") as file:
+                file.write(struct.pack("q", 3600 * hours))
 
     def _driving(self, endpoint: str) -> Process:
         """A client whose move is driven. A busy machine may end one by itself: then another."""
@@ -100,6 +169,20 @@ class Losses:
             client.process.kill()
             client.process.wait()
 
+    def stepped(self, name: str, hours: int) -> float:
+        """A wall clock steps; 2 s later the wheels still turn, and the client is killed."""
+
+        def step(client: Process) -> None:
+            self._set_clock(name, hours)
+            time.sleep(STEPPED_S)
+            self.drove = client.alive and max(map(abs, self.robot.truth()[-1].speed_m_s)) > 0.05
+            client.process.kill()
+
+        stood_s = self.lose(step)
+        for each in PROCESSES:
+            self._set_clock(each, 0)
+        return max(0.01, stood_s - STEPPED_S) if self.drove else math.inf
+
     def signalled(self, number: int) -> float:
         """A signal to the client."""
         return self.lose(lambda client: client.process.send_signal(number))
@@ -115,6 +198,18 @@ class Losses:
         finally:
             self.service.process.wait()
             self.service = self._serve()
+
+    def service_restarted(self) -> float:
+        """SIGKILL of ``yahboomd moves``, and another one at once; the client is told."""
+
+        def restart(client: Process) -> None:
+            self.service.process.kill()
+            self.service.process.wait()
+            self.service = self._serve()
+            self.told = client.end_by_itself() not in {0, None}
+
+        stood_s = self.lose(restart)
+        return stood_s if self.told else math.inf
 
     def cut(self) -> float:
         """The network of the client carries nothing any more, and says nothing."""
@@ -147,7 +242,16 @@ WAYS: dict[str, Callable[[Losses], float]] = {
     "Ctrl-C": lambda losses: losses.signalled(signal.SIGINT),
     "the network carries nothing": Losses.cut,
     "SIGKILL of `yahboomd moves`": Losses.service_killed,
+    "`yahboomd moves` killed, and started again at once": Losses.service_restarted,
     "a closed `with`": Losses.left,
+}
+
+STEPS: dict[str, Callable[[Losses], float]] = {
+    f"the wall clock of the {name} steps by {hours:+} h": partial(
+        Losses.stepped, name=name, hours=hours
+    )
+    for name in PROCESSES
+    for hours in (-9, 0, 9)
 }
 
 
@@ -156,12 +260,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.move_losses", description=__doc__)
     parser.add_argument("--times", type=int, default=6, help="of each way")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument(
+        "--clocks", action="store_true", help="instead: wall clocks step, and the move drives on"
+    )
     args = parser.parse_args()
+    if args.clocks and shutil.which("cc") is None:
+        parser.error("--clocks needs a C compiler")
     print("| lost | the wheels stood | at worst after |\n|---|---|---|")
     with tempfile.TemporaryDirectory() as folder:
-        losses = Losses(Path(folder), args.seed)
+        losses = Losses(Path(folder), args.seed, clocks=args.clocks)
         try:
-            for name, way in WAYS.items():
+            for name, way in (STEPS if args.clocks else WAYS).items():
                 times = [way(losses) for _ in range(args.times)]
                 stood = sum(each < 2.0 for each in times)
                 print(f"| {name} | {stood} of {len(times)} | {max(times):.2f} s |", flush=True)

@@ -30,6 +30,7 @@ from yahboomd.simulation.virtual_time import on_virtual_time
 from yahboomd.tools.schemas.samples import NATIVE
 
 STEP_NS = 20_000_000
+EPOCH_NS = 1_700_000_000_000_000_000
 STRAIGHT = MoveRequest(moves=(Move(kind="straight", distance_m=1.0),), by="a test", holder="me")
 
 
@@ -430,15 +431,27 @@ def test_no_order_of_choices_has_it_drive_after_its_end(kept: Kept) -> None:
 
 
 class Lossy(MoveBench):
-    """A simulated robot and a keeper, both of which may lose what they depend on."""
+    """A simulated robot and a keeper, both of which may lose what they depend on.
+
+    Attributes:
+        steps: Hours by which the wall clocks of the service and the daemon step.
+        steps_s: When.
+    """
+
+    steps = (0.0, 0.0)
+    steps_s = math.inf
 
     async def lose(self, loss: str, after_s: float) -> float:
         """Drive, lose something, and return after how many seconds the wheels truly stand."""
+        off_ns = 0
+
+        def drive(twist: Twist2d) -> None:
+            stamp_ns = self.clock.now_ns() + off_ns + EPOCH_NS
+            command = VelocityCommand(vx=twist.vx, vy=twist.vy, wz=twist.wz, stamp_ns=stamp_ns)
+            self.payload(encode(command, "json"), source=SOURCE)
+
         keeper = MoveKeeper(
-            drive=lambda twist: self.payload(
-                encode(VelocityCommand(vx=twist.vx, vy=twist.vy, wz=twist.wz), "json"),
-                source=SOURCE,
-            ),
+            drive=drive,
             stop=lambda _: self.command(source=SOURCE),
             publish=lambda _: None,
             name=lambda: "id1",
@@ -451,8 +464,13 @@ class Lossy(MoveBench):
         while True:
             now_ns = self.clock.now_ns()
             since_s = (now_ns - begun_ns) / 1e9
+            if not off_ns and since_s >= self.steps_s:
+                off_ns, daemons_ns = (round(hours * 3600e9) for hours in self.steps)
+                self.clock._epoch_ns += daemons_ns
+                self.steps_s = math.inf
             if not lost_ns and since_s >= after_s:
                 lost_ns = now_ns
+                assert not self.standing, "it was not in mid-move"
                 if loss == "token":
                     keeper.holder("me", present=False)
                 if loss == "cancel":
@@ -490,3 +508,18 @@ async def test_a_robot_stands_soon_after_its_client_is_lost(
         await bench.ready()
         await asyncio.sleep(0.3)
         assert await bench.lose(loss, after_s) < most_s
+
+
+@pytest.mark.parametrize("hours", [-9.0, -0.00007, 0.0001, 9.0])
+@pytest.mark.parametrize("whose", [(1, 0), (0, 1), (1, 1)])
+@on_virtual_time
+async def test_wall_clocks_that_step_in_mid_move_neither_end_it_nor_keep_it_alive(
+    tmp_path: Path, whose: tuple[int, int], hours: float
+) -> None:
+    """By hours, and by a quarter of a second and 0.4 s: monotonic time alone judges beats."""
+    async with Lossy(tmp_path) as bench:
+        await bench.ready()
+        await asyncio.sleep(0.3)
+        bench.steps, bench.steps_s = (whose[0] * hours, whose[1] * hours), 2.0
+        # The client is there for 2 s more; at its loss the wheels still turn.
+        assert await bench.lose("client", 4.0) < 1.3
