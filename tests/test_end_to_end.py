@@ -126,7 +126,7 @@ def test_the_example_drives_the_robot_and_reads_its_pose(
     example = Path(__file__).parent.parent / "examples" / "drive_in_a_circle.py"
     moves = Process("moves", "--connect", robot.endpoint)
     prefer(moves.process, DAEMON_NICE)
-    moves.says("answers")
+    moves.says("Moves are served")
     for _ in range(20):
         done = subprocess.run(
             [sys.executable, str(example), robot.endpoint],

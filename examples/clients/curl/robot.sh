@@ -89,35 +89,38 @@ square() { # side
   done
 }
 
-# Each beat is a curl, which also asks for the progress. One loop sends and reads: if it stalls, or this shell is killed,
-# no beat comes, and `yahboomd moves` stops the robot after half a second. There is no token by REST.
+# Each beat is a curl, which also asks for the progress; nothing else is started on the way, since processes take time.
+# One loop sends and reads: if it stalls, or this shell is killed, no beat comes, and `yahboomd moves` stops the robot
+# after half a second. There is no token by REST.
 moves() { # side
-  local reply id beat news state words silent=0
-  reply="$(ask yahboomd/moves/start "$(jq --null-input --argjson side "$1" '{kind: "straight", distance_m: $side} as $straight |
-    {kind: "turn", angle_rad: 1.5707963267948966} as $turn | {by: "curl", moves: [range(4) | $straight, $turn]}')")" || {
+  local request reply id beat news silent=0
+  request="$(jq --null-input --argjson side "$1" '{kind: "straight", distance_m: $side} as $straight |
+    {kind: "turn", angle_rad: 1.5707963267948966} as $turn | {by: "curl", moves: [range(4) | $straight, $turn]}')"
+  reply="$(ask yahboomd/moves/start "$request")" || {
     echo "Does \`yahboomd moves\` run beside it?" >&2
     exit 69
   }
-  [ "$(jq .success <<<"$reply")" = true ] || fail 75 "$(jq -r .message <<<"$reply")"
-  id="$(jq -r .data.id <<<"$reply")"
+  [[ "$reply" =~ \"id\":\ ?\"([^\"]*)\" ]] || fail 75 "$(jq -r .message <<<"$reply")"
+  id="${BASH_REMATCH[1]}"
   beat="{\"id\": \"$id\"}"
-  trap 'request --max-time 5 --data "'"${beat//\"/\\\"}"'" --output /dev/null "$ROBOT/${PREFIX}yahboomd/moves/cancel?_raw"' EXIT
+  trap "request --max-time 5 --data '$beat' --output /dev/null '$ROBOT/${PREFIX}yahboomd/moves/cancel?_raw'" EXIT
   trap 'exit 130' INT
   trap 'exit 143' TERM
+  exec 3<> <(:) # Nothing ever comes: to wait without a process.
   until [ $((silent += 1)) -gt 20 ]; do # progress comes ten times a second
     news="$(request --max-time 0.4 --request PUT --data "$beat" --output /dev/null "$ROBOT/${PREFIX}yahboomd/moves/beat" \
       --next "${REQUEST[@]}" --max-time 0.4 "$ROBOT/${PREFIX}yahboomd/moves?_raw")"
-    read -r state words < <(jq --raw-output --arg id "$id" 'select(.id == $id) |
-      "\(.state) \(100 * .done | floor) %, \(10 * .left_s | round | . / 10) s are left"' <<<"$news" 2>&-) || continue
+    read -r -t 0.08 -u 3
+    [[ "$news" =~ \"id\":\ ?\"$id\" ]] || continue
     silent=0
-    echo "$words"
-    if [ "$state" = ended ]; then
+    [[ "$news" =~ \"done\":\ ?([0-9.e-]+).*\"left_s\":\ ?([0-9.e-]+) ]] &&
+      LC_ALL=C printf '%.2f is done, %.1f s are left\n' "${BASH_REMATCH[1]}" "${BASH_REMATCH[2]}"
+    if [[ "$news" =~ \"state\":\ ?\"ended\" ]]; then
       trap - EXIT
       printf '%s\n' "$news"
       [ "$(jq -r .reason <<<"$news")" = reached ] || fail 75 "$(jq -r .message <<<"$news")"
       return
     fi
-    sleep 0.05
   done
   fail 69 "\`yahboomd moves\` is gone: the robot stops by itself."
 }
