@@ -52,7 +52,6 @@ async def test_everything_pending_comes_in_one_batch_in_order(inbox):
         lane.offer(number)
     await turns()
     assert batches == [(list(range(10)), 0)]
-    assert lane.counters.batches == 1
 
 
 async def test_newest_stay_when_a_lane_is_full_and_the_loss_is_counted(inbox):
@@ -64,7 +63,7 @@ async def test_newest_stay_when_a_lane_is_full_and_the_loss_is_counted(inbox):
     lane.offer(10)
     await turns()
     assert batches == [([6, 7, 8, 9], 6), ([10], 0)]
-    assert (lane.counters.received, lane.counters.delivered, lane.counters.dropped) == (11, 5, 6)
+    assert (lane.counters.received, lane.counters.dropped) == (11, 6)
 
 
 async def test_a_lane_that_refuses_hands_back_the_newest(inbox):
@@ -204,7 +203,7 @@ def test_a_lane_accounts_for_every_entry(steps, depth):
             lane.offer(offered)
             offered += 1
     lane.deliver()
-    assert lane.counters.received == offered == lane.counters.delivered + lane.counters.dropped
+    assert lane.counters.received == offered == len(delivered) + lane.counters.dropped
     assert sum(losses) == lane.counters.dropped
     assert delivered == sorted(delivered)
     assert not offered or delivered[-1] == offered - 1

@@ -10,10 +10,10 @@ import json
 import logging
 import socket
 import threading
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NoReturn
 
 import pytest
 import zenoh
@@ -25,6 +25,7 @@ from yahboomd.core.bus.publishers import PRIORITIES, BusPublisher
 from yahboomd.core.clock import Schedule, SystemClock
 from yahboomd.core.config import read
 from yahboomd.core.daemon.logs import PatientHandler
+from yahboomd.core.daemon.planes import Plane
 from yahboomd.core.daemon.service import Daemon
 from yahboomd.core.errors import BusError
 from yahboomd.ros2.ros2_plane import Ros2Plane
@@ -38,7 +39,12 @@ pytestmark = pytest.mark.realtime
 class Running:
     """A daemon on the test's own loop, and its published samples."""
 
-    def __init__(self, folder: Path, environ: Mapping[str, str] = MappingProxyType({})) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        environ: Mapping[str, str] = MappingProxyType({}),
+        planes: Sequence[Plane] = (Ros2Plane(),),
+    ) -> None:
         self.endpoint = free_endpoint()
         self.robot = SimulatedRobot()
         overrides = [
@@ -57,7 +63,7 @@ class Running:
             self.config,
             environ=environ,
             black_box=BoxKeeper,
-            planes=(Ros2Plane(),),
+            planes=planes,
             clock=SystemClock(),
             opener=self.open,
         )
@@ -240,6 +246,31 @@ async def test_what_only_records_may_fail_and_the_wheels_follow_and_stop(
     assert fastest_m_s(running) == 0.0
     # A ring that is left tells the next start that this daemon was killed.
     assert not ring.exists()
+
+
+class BrokenPlane:
+    name = "the test"
+
+    def start(self, *_: object) -> NoReturn:
+        raise RuntimeError("no such graph")
+
+
+async def test_a_plane_that_does_not_start_is_reported_and_the_wheels_follow_and_stop(
+    tmp_path: Path,
+) -> None:
+    running = Running(tmp_path, planes=(BrokenPlane(), Ros2Plane()))
+    await running.listen()
+    try:
+        await running.state("standing")
+        await running.drive()
+        await follow_and_stop(running)
+        status = running.decoded("status")[-1]["command"]
+        assert status["recorder_failures"] == 1
+        assert "The start for the test: RuntimeError: no such graph" in status["recorders_off"]
+        # The next one was started.
+        assert [name for name, _ in running.daemon._planes._started] == ["ROS 2"]
+    finally:
+        await running.end()
 
 
 async def test_a_bus_and_a_log_that_take_nothing_hold_up_neither_command_nor_stop(

@@ -50,18 +50,14 @@ class LaneCounters(msgspec.Struct, kw_only=True):
 
     Attributes:
         received: Entries that arrived, refused ones included.
-        delivered: Entries handed to the handler.
         dropped: Entries lost because the lane was full; in a flood, a lower bound.
         oversize: Entries with more bytes than allowed.
-        batches: Calls of the handler.
         floods: Floods, in which samples were no longer taken one by one.
     """
 
     received: int = 0
-    delivered: int = 0
     dropped: int = 0
     oversize: int = 0
-    batches: int = 0
     floods: int = 0
 
 
@@ -133,8 +129,6 @@ class SampleLane(Generic[Item]):
             batch = list(self._entries)
             self._entries.clear()
             lost, self._lost = self._lost, 0
-            self.counters.delivered += len(batch)
-            self.counters.batches += 1
         self._handler(batch, lost)
 
     def close(self) -> list[Item]:

@@ -266,8 +266,6 @@ class Subscription:
         if not batch:
             return
         self.counters.dropped += lost
-        self.counters.delivered += len(batch)
-        self.counters.batches += 1
         self._hand_over(batch, lost)
 
     def _arrival(self, received: Received, dropped: int) -> Arrival:
