@@ -200,8 +200,9 @@ def _control(
         f" Built for {pretty}, Python {_dotted(python)}.\n",
     )
     _write(folder / "conffiles", "/etc/yahboomd/config.toml\n")
-    for name in ("postinst", "prerm", "postrm"):
-        _write(folder / name, (HERE / name).read_text(), executable=True)
+    for name in ("preinst", "postinst", "prerm", "postrm"):
+        text = (HERE / name).read_text().replace("@VERSION@", version)
+        _write(folder / name, text, executable=True)
     sums = [
         f"{hashlib.md5(path.read_bytes(), usedforsecurity=False).hexdigest()}  "
         f"{path.relative_to(stage)}\n"

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import re
+import shutil
+import subprocess
 from pathlib import Path
 from types import ModuleType
+
+import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGING = ROOT / "packaging"
@@ -43,3 +48,33 @@ def test_man_pages_and_completions_are_where_man_and_the_shells_look() -> None:
         "fish/vendor_completions.d/yahboomd.fish",
     } <= there
     assert not any(name.startswith("zsh/site-functions") for name in there)
+
+
+@pytest.mark.skipif(not shutil.which("dpkg"), reason="this is no Debian")
+@pytest.mark.parametrize(
+    ("installed", "latch", "refused"),
+    [
+        ("0.2-1~debian12", "yahboomd/estop", True),
+        ("0.2-1~debian12", "yahboomd-front/estop.bot1@%2Fdev%2FttyUSB0", True),
+        ("0.2-1~debian12", "yahboomd/daemon.sock", False),
+        ("0.1~dev7+g0123abc-1~debian12", "yahboomd/estop", False),
+        ("0.1-1~debian12", "yahboomd/estop", False),
+    ],
+)
+def test_an_older_package_is_refused_while_the_emergency_stop_is_engaged(
+    tmp_path: Path, installed: str, latch: str, refused: bool
+) -> None:
+    script, file = tmp_path / "preinst", tmp_path / "run" / latch
+    script.write_text((PACKAGING / "preinst").read_text().replace("@VERSION@", "0.1-1~debian12"))
+    file.parent.mkdir(parents=True)
+    file.write_text("")
+    done = subprocess.run(
+        ["sh", str(script), "upgrade", installed],
+        env={**os.environ, "DPKG_ROOT": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == refused
+    assert (str(file) in done.stderr) == refused
+    assert ("yahboomd stop --release" in done.stderr) == refused

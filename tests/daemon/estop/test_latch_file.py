@@ -6,15 +6,18 @@ import os
 import stat
 import subprocess
 import sys
+from hashlib import sha256
 from pathlib import Path
 from urllib.parse import quote
 
 import pytest
 
+from yahboomd.core.config import Config
 from yahboomd.core.daemon.estop.latch_file import LatchFile, engaged_in
 
 FULL = """
 import sys
+from hashlib import sha256
 from pathlib import Path
 from yahboomd.core.daemon.estop.latch_file import LatchFile
 folder = Path(sys.argv[1])
@@ -205,3 +208,26 @@ def test_an_engaged_emergency_stop_of_any_daemon_on_the_port_is_found(tmp_path: 
     assert not engaged(f"port@{usb}", "/dev/ttyUSB0")
     with pytest.raises(FileNotFoundError):
         engaged_in(tmp_path / "nowhere", "/dev/ttyUSB0")
+
+
+@pytest.mark.parametrize(
+    ("namespace", "port", "name"),
+    [
+        ("", "", "estop"),
+        ("bot1", "", "estop.bot1"),
+        ("site/bot1", "/dev/ttyUSB0", "estop.site%2Fbot1@%2Fdev%2FttyUSB0"),
+        ("", "/dev/yahboom_driver", "estop@%2Fdev%2Fyahboom_driver"),
+        ("", "/" + "a" * 130, f"estop@{sha256(b'%2F' + b'a' * 130).hexdigest()}"),
+    ],
+)
+def test_no_version_changes_the_files_name_or_format(
+    tmp_path: Path, namespace: str, port: str, name: str
+) -> None:
+    """One that did would start a stopped robot released, after an update or on the way back."""
+    config = Config.of({"zenoh": {"namespace": namespace}, "serial": {"port": port}})
+    path = config.latch_path({"RUNTIME_DIRECTORY": str(tmp_path)}, user_id=0)
+    assert path == tmp_path / name
+    LatchFile(path).engage("a person")
+    assert path.read_bytes() == b'{"engaged": true, "by": "a person"}'
+    path.write_bytes(b'{"engaged": true, "by": "an older version"}')
+    assert LatchFile(path).load() == "an older version"
