@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
+import asyncio
+import json
 import math
 import os
-import re
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from bench_client import BenchClient
 from led_calibration import LedCalibration
 from real_robot import RealRobot, wait_for
+from robot_bench import RobotBench
 
 from yahboomd.core.clock import SystemClock
+from yahboomd.core.config import Loaded
+from yahboomd.simulation.options import SimulationOptions
+from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.tools.calibrate.calibration import calibrate
+from yahboomd.tools.calibrate.choices import TapeRuns
 from yahboomd.tools.calibrate.dialogue import Dialogue
+from yahboomd.tools.calibrate.hold import HeldButton
 
-pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("led_calibration")]
+pytestmark = pytest.mark.xdist_group("led_calibration")
 
 TRUE_RADIUS_M, TRUE_TRACK_M = 0.0345, 0.162
 """Configured are 0.0335 and 0.150."""
@@ -77,51 +85,16 @@ def moves(robot: RealRobot) -> bool:
     return max(map(abs, robot.truth()[-1].speed_m_s)) > 0.1
 
 
-def test_a_whole_calibration_by_tape_with_the_button_held_writes_the_true_size(
-    robot: RealRobot, lead: Callable[..., LedCalibration], tmp_path: Path
-) -> None:
-    led = lead("tape", *QUICK, "--held")
-    asked = led.question()
-    assert asked["bounds"] == {"distance_m": 1.0, "turn_rad": 0.0, "time_s": 8.8}
-    assert "It moves 1 m, for at most 9 s." in asked["text"]
-    begin, asked = led.moved_through(asked, robot.settled_truth)
-    end = robot.settled_truth()
-    assert (asked["kind"], asked["name"], asked["unit"]) == ("number", "length", "m")
-    for wrong in ("far", "100", "0.1"):
-        led.answer(asked, wrong)
-        asked = led.question()
-        assert re.match(
-            r"A number of metres near 1\.0\d\d, which the wheels counted", asked["wrong"]
-        )
-    led.answer(asked, f"{math.hypot(end.x - begin.x, end.y - begin.y):.4f}")
-    asked = led.question()
-    assert (asked["name"], asked["unit"]) == ("left", "mm")
-    led.answer(asked)
-    for _ in range(2):
-        begin, asked = led.moved_through(led.question(), robot.settled_truth)
-        end = robot.settled_truth()
-        led.answer(asked, f"{math.degrees(abs(end.theta - begin.theta)) - 360.0:.3f}")
-    assert led.ends() == 0
-
-    (result,) = led.of_type("result")
-    assert result["facts"]["written"] == str(tmp_path / "calibration.toml")
-    assert (tmp_path / "calibration.toml").exists()
-    radii = result["facts"]["chassis"]["wheel_radius_multiplier"]
-    assert radii == pytest.approx(dict.fromkeys(("left", "right"), TRUE_RADIUS_M / 0.0335), 2e-3)
-    assert "radius left" in result["text"]
-    assert led.of_type("progress")[0] == {"type": "progress", "part": 1, "parts": 1, "done": 0.0}
-    assert led.of_type("say")[-1]["text"].startswith("Written to")
-
-
-@pytest.mark.parametrize("way", ["released", "silent"])
+@pytest.mark.realtime
 def test_the_robot_stops_when_the_button_is_let_go_and_the_run_is_done_once_more(
-    robot: RealRobot, lead: Callable[..., LedCalibration], tmp_path: Path, way: str
+    robot: RealRobot, lead: Callable[..., LedCalibration], tmp_path: Path
 ) -> None:
     led = lead("tape", *QUICK, "--held")
     first = led.question()
     begin = robot.settled_truth()
     first = led.moved_until(first, lambda: moves(robot))
-    led.release() if way == "released" else led.fall_silent()
+    led.send(type="nonsense")
+    led.release()
     asked = led.question()
     assert asked["text"].startswith("The button was let go")
     stopped = robot.settled_truth()
@@ -134,32 +107,17 @@ def test_the_robot_stops_when_the_button_is_let_go_and_the_run_is_done_once_more
     assert after["name"] == "length"
     led.send(type="abort")
     assert led.ends() == 1
+    assert led.of_type("ignored")
     assert led.lines[-1]["type"] == "refused"
     assert "nothing was written" in led.lines[-1]["text"]
     assert not (tmp_path / "calibration.toml").exists()
 
 
-def test_holds_that_are_late_move_nothing(
-    robot: RealRobot, lead: Callable[..., LedCalibration]
-) -> None:
-    led = lead("tape", *QUICK, "--held")
-    asked = led.question()
-    begin = robot.settled_truth()
-    for _ in range(20):
-        led.send(type="hold", id=asked["id"], at_ns=time.monotonic_ns() - 400_000_000)
-    led.send(type="nonsense")
-    wait_for(lambda: led.of_type("ignored"), "all were read")
-    read_ns = robot.truth()[-1].t_ns
-    wait_for(lambda: robot.truth()[-1].t_ns > read_ns + 1_000_000_000, "time to drive")
-    assert robot.settled_truth().travel_m == begin.travel_m
-    assert led.of_type("progress") == []
-
-
-@pytest.mark.parametrize("held", [("--held",), ()])
+@pytest.mark.realtime
 def test_an_input_that_ends_in_mid_run_stops_the_robot_and_nothing_is_written(
-    robot: RealRobot, lead: Callable[..., LedCalibration], tmp_path: Path, held: tuple[str, ...]
+    robot: RealRobot, lead: Callable[..., LedCalibration], tmp_path: Path
 ) -> None:
-    led = lead("tape", *LONG, *held)
+    led = lead("tape", *LONG, "--held")
     asked = led.question()
     begin = robot.settled_truth()
     led.moved_until(asked, lambda: moves(robot))
@@ -173,6 +131,7 @@ def test_an_input_that_ends_in_mid_run_stops_the_robot_and_nothing_is_written(
     assert not (tmp_path / "calibration.toml").exists()
 
 
+@pytest.mark.realtime
 def test_a_program_that_is_killed_stops_the_robot_and_leaves_no_process(
     robot: RealRobot, tmp_path: Path
 ) -> None:
@@ -203,17 +162,7 @@ def _zombie(pid: int) -> bool:
         return True
 
 
-def test_ctrl_c_in_mid_run_stops_the_robot_and_nothing_is_written(
-    robot: RealRobot, lead: Callable[..., LedCalibration], tmp_path: Path
-) -> None:
-    led = lead("tape", *LONG, "--held")
-    led.moved_until(led.question(), lambda: moves(robot))
-    led.process.send_signal(signal.SIGINT)
-    assert led.ends() == 130
-    robot.settled_truth()
-    assert not (tmp_path / "calibration.toml").exists()
-
-
+@pytest.mark.realtime
 def test_holds_that_waited_while_the_command_was_frozen_do_not_move_the_robot_afterwards(
     robot: RealRobot, lead: Callable[..., LedCalibration]
 ) -> None:
@@ -228,6 +177,7 @@ def test_holds_that_waited_while_the_command_was_frozen_do_not_move_the_robot_af
     assert robot.settled_truth().travel_m == pytest.approx(stopped.travel_m, abs=2e-3)
 
 
+@pytest.mark.realtime
 def test_a_command_that_was_frozen_in_mid_run_does_the_run_once_more(
     robot: RealRobot, lead: Callable[..., LedCalibration]
 ) -> None:
@@ -243,6 +193,7 @@ def test_a_command_that_was_frozen_in_mid_run_does_the_run_once_more(
     led.moved_until(asked, lambda: moves(robot))
 
 
+@pytest.mark.realtime
 def test_a_board_that_is_silent_for_a_moment_costs_no_more_than_the_run(
     robot: RealRobot, lead: Callable[..., LedCalibration]
 ) -> None:
@@ -254,6 +205,7 @@ def test_a_board_that_is_silent_for_a_moment_costs_no_more_than_the_run(
     assert asked["name"] == "length" or "This run does not count" in asked["text"]
 
 
+@pytest.mark.realtime
 def test_a_run_in_which_counts_were_lost_does_not_count(
     robot: RealRobot, lead: Callable[..., LedCalibration]
 ) -> None:
@@ -263,23 +215,13 @@ def test_a_run_in_which_counts_were_lost_does_not_count(
     assert "This run does not count" in led.question()["text"]
 
 
+@pytest.mark.realtime
 def test_a_robot_that_is_not_there_is_refused_in_the_dialogue_too(
     lead: Callable[..., LedCalibration],
 ) -> None:
     led = lead("tape", "--timeout", "0", "--namespace", "another")
     assert led.ends() == 69
     assert led.lines[-1]["status"] == 69
-
-
-def test_a_file_that_could_not_be_written_is_refused_before_anything_moves(
-    robot: RealRobot, lead: Callable[..., LedCalibration], tmp_path: Path
-) -> None:
-    (tmp_path / "file").write_text("no folder")
-    file = f"chassis.calibration_file={tmp_path / 'file' / 'calibration.toml'}"
-    led = lead("tape", "--set", file)
-    assert led.ends() == 78
-    assert "cannot be written" in led.lines[-1]["text"]
-    assert led.of_type("question") == []
 
 
 def test_progress_is_reported_now_and_then_and_at_the_end() -> None:
@@ -295,3 +237,68 @@ def test_progress_is_reported_now_and_then_and_at_the_end() -> None:
         (2, 0.0),
     ]
     assert len(told) < 20
+
+
+@on_virtual_time
+async def test_a_whole_calibration_is_asked_for_in_messages_and_led_by_answers(
+    tmp_path: Path,
+) -> None:
+    told: list[dict[str, Any]] = []
+    robot = SimulationOptions(wheel_radius_m=TRUE_RADIUS_M, wheel_separation_m=TRUE_TRACK_M)
+    async with RobotBench(tmp_path, (), robot) as bench, BenchClient(bench) as client:
+        await bench.ready()
+        hold = HeldButton(bench.clock, client.stop)
+        dialogue = Dialogue(told.append, bench.clock, hold)
+        file = tmp_path / "calibration.toml"
+        loaded = Loaded(bench.config, None, calibration_path=file)  # type: ignore[arg-type]
+        choices = TapeRuns(straight_m=1.0, turns=1, speed_m_s=0.4, turn_speed_rad_s=2.0)
+        work = asyncio.create_task(
+            calibrate(client, loaded, choices, dialogue, hold, clock=bench.clock)  # type: ignore[arg-type]
+        )
+
+        async def asked(before: str) -> dict[str, Any]:
+            def newest() -> dict[str, Any]:
+                questions = [each for each in told if each["type"] == "question"]
+                return questions[-1] if questions else {"id": ""}
+
+            await bench.until(lambda: newest()["id"] != before or work.done())
+            return newest()
+
+        async def held(question: dict[str, Any]) -> dict[str, Any]:
+            while (after := told[-1]) == question or after["type"] == "progress":
+                dialogue.press(question["id"], bench.clock.now_ns())
+                await asyncio.sleep(0.05)
+            return await asked(question["id"])
+
+        question = await asked("")
+        assert question["bounds"] == {"distance_m": 1.0, "turn_rad": 0.0, "time_s": 8.8}
+        assert "It moves 1 m, for at most 9 s." in question["text"]
+        # Holds that are late, and of no question.
+        for _ in range(20):
+            dialogue.press(question["id"], bench.clock.now_ns() - 400_000_000)
+            dialogue.press("move-0", bench.clock.now_ns())
+            await asyncio.sleep(0.05)
+        assert bench.standing
+        question = await held(question)
+        assert (question["kind"], question["name"], question["unit"]) == ("number", "length", "m")
+        for wrong in ("far", "100", "0.1"):
+            assert dialogue.answer(question["id"], wrong)
+            question = await asked(question["id"])
+            assert question["wrong"].startswith("A number of metres near 1.0")
+        for name, text in (("length", "1.03"), ("left", ""), ("beyond", "3"), ("beyond", "3")):
+            if question["kind"] == "hold":
+                question = await held(question)
+            assert question["name"] == name
+            assert dialogue.answer(question["id"], text)
+            assert not dialogue.answer(question["id"], text)
+            question = await asked(question["id"])
+        await work
+    progress = next(each for each in told if each["type"] == "progress")
+    assert progress == {"type": "progress", "part": 1, "parts": 1, "done": 0.0}
+    result, said = told[-2:]
+    assert result["facts"]["written"] == str(file)
+    assert "radius left" in result["text"]
+    assert said["text"].startswith("Written to")
+    # As lines have it.
+    assert json.loads(json.dumps(result))["facts"]["method"] == "tape"
+    assert file.exists()
