@@ -109,10 +109,10 @@ class Client:
 
 @pytest.fixture(scope="session")
 def authority(tmp_path_factory: pytest.TempPathFactory) -> Authority:
-    """One that has signed for a robot, an operator, a viewer and a stranger."""
+    """One that has signed for a robot, an operator, a viewer, `yahboomd moves` and a stranger."""
     made = Authority(tmp_path_factory.mktemp("authority"))
     made.sign("robot", "DNS:localhost,IP:127.0.0.1")
-    for name in ("operator", "viewer", "stranger"):
+    for name in ("operator", "viewer", "moves", "stranger"):
         made.sign(name)
     return made
 

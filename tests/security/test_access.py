@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 import zenoh
-from real_robot import RealRobot, free_endpoint, wait_for
+from real_robot import Process, RealRobot, free_endpoint, wait_for
 
 from yahboomd.cli.main import main
 from yahboomd.client import NoDaemon, Robot
@@ -31,11 +31,11 @@ FLOOD = Path(__file__).parents[1] / "plugins" / "zenoh_flood_process.py"
 HERE = {
     "    subjects: [\n": '{ id: "here", interfaces: ["lo"] },',
     "    policies: [\n": '{ subjects: ["here"], '
-    'rules: ["out", "watch", "stop", "drive", "services"] },',
+    'rules: ["out", "watch", "stop", "drive", "hold moves", "serve moves", "services"] },',
 }
 """The addition of docs/security.md for the programs of this machine."""
 
-PASSWORDS = {"operator": "first", "viewer": "second", "stranger": "third"}
+PASSWORDS = {"operator": "first", "viewer": "second", "stranger": "third", "moves": "fourth"}
 
 
 def mutual(example: Callable[..., str], authority: Any) -> str:
@@ -79,6 +79,51 @@ def house(
     return guarded(text, "tls"), papers
 
 
+def zenoh_file(folder: Path, name: str, papers: dict[str, Any]) -> Path:
+    """A client's own file of Zenoh."""
+    config = zenoh.Config()
+    for key, value in papers.items():
+        config.insert_json5(key, json.dumps(value))
+    file = folder / f"{name}.json5"
+    file.write_text(str(config))
+    return file
+
+
+def test_an_operator_has_moves_driven_and_a_viewer_neither_starts_them_nor_keeps_them_alive(
+    house: tuple[RealRobot, Callable[[str], dict[str, Any]]],
+    app: Callable[..., Any],
+    tmp_path: Path,
+) -> None:
+    robot, papers = house
+    file = zenoh_file(tmp_path, "moves", papers("moves"))
+    service = Process("moves", "--connect", robot.endpoint, "--set", f"zenoh.config={file}")
+    service.says("Moves are served")
+    viewer, operator = (app(robot.endpoint, papers(name)) for name in ("viewer", "operator"))
+    request = b'{"moves": [{"kind": "straight", "distance_m": 3.0}]}'
+    beat = b""
+
+    def moves() -> bool:
+        nonlocal beat
+        # A busy machine ends moves, as it should.
+        if operator.ask("yahboomd/moves")[0].get("state", "ended") == "ended":
+            (answer,) = operator.ask("yahboomd/moves/start", request)
+            beat = json.dumps({"id": answer.get("data", {}).get("id", "")}).encode()
+        operator.session.put("yahboomd/moves/beat", beat)
+        return robot.travelled_m() > 0.1
+
+    wait_for(moves, "it drives")
+    assert viewer.is_refused("yahboomd/moves/cancel", beat)
+
+    def over() -> bool:
+        viewer.session.put("yahboomd/moves/beat", beat)
+        return bool(operator.ask("yahboomd/moves")[0]["state"] == "ended")
+
+    wait_for(over, "its end")
+    assert operator.ask("yahboomd/moves")[0]["reason"] != "reached"
+    assert viewer.is_refused("yahboomd/moves/start", request)
+    assert service.end() == 0
+
+
 def test_a_viewer_is_refused_cmd_vel_and_the_services_and_still_reads_the_pose(
     house: tuple[RealRobot, Callable[[str], dict[str, Any]]], app: Callable[..., Any]
 ) -> None:
@@ -118,11 +163,7 @@ def test_the_python_client_drives_with_the_papers_of_its_file_and_a_viewer_reads
     robot, papers = house
 
     def program(name: str) -> Robot:
-        config = zenoh.Config()
-        for key, value in papers(name).items():
-            config.insert_json5(key, json.dumps(value))
-        file = tmp_path / f"{name}.json5"
-        file.write_text(str(config))
+        file = zenoh_file(tmp_path, name, papers(name))
         return Robot(robot.endpoint, zenoh_file=file, wait_s=30.0)
 
     def stopped() -> bool:
