@@ -16,7 +16,7 @@ COMMANDS = 50_000 if LONG else 1000
 SEED = int(os.environ.get("YAHBOOMD_SEED") or SystemRandom().randrange(10_000, 1_000_000))
 """`make firmware` draws and prints it."""
 
-RARE = max(2, COMMANDS // 1000)
+RARE = max(1, COMMANDS // 10_000)
 """Blocks of a drawn seed that may differ: what is found so is listed in the page, or mended."""
 
 BLOCKS = 12
