@@ -200,7 +200,7 @@ def test_a_calibration_by_tape_through_the_page_writes_the_true_size(
         there(page, ".calibrate .hold")
         _, turned = run()
         answer(f"{turned - 360.0:.3f}".replace(".", ","))
-    page.says("#view-calibrate", "It is written.")
+    page.says(".calibrate", "It is written.")
     file = bench.robot.folder / "calibration.toml"
     found = tomllib.loads(file.read_text())
     assert found["method"] == "tape"
