@@ -70,16 +70,6 @@ def test_a_viewer_watches_and_stops_and_neither_drives_nor_releases(
 
 
 @LONG
-def test_a_page_without_a_link_says_where_to_find_one(
-    make_bench: Callable[..., PageBench],
-) -> None:
-    bench = make_bench(listen="0.0.0.0")
-    with bench.page() as page:
-        page.says("#state", "no access")
-        page.says("#why", "Open")
-
-
-@LONG
 def test_thirty_pages_at_once_watch_while_one_drives(bench: PageBench) -> None:
     with ExitStack() as stack:
         page = stack.enter_context(bench.page())

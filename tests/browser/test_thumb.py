@@ -160,9 +160,18 @@ def test_a_second_finger_anywhere_stops_and_the_first_drives_again_only_when_lif
     bench.stops_after(page.lift)
 
 
+SIZES = [
+    pytest.param((360, 740), id="upright"),
+    pytest.param((844, 390), id="on its side", marks=LONG),
+    pytest.param((740, 360), id="small, on its side", marks=LONG),
+]
+
+
+@pytest.mark.parametrize("size", SIZES)
 def test_texts_that_grow_while_the_thumb_is_down_neither_move_the_pad_nor_end_the_drive(
-    bench: PageBench, page: Page
+    bench: PageBench, page: Page, size: tuple[int, int]
 ) -> None:
+    page.resize(*size, phone=True)
     before = page.middle(".pad")
     bench.press(page)
     for place in ("header", "footer", ".drive .line"):
@@ -175,9 +184,11 @@ def test_texts_that_grow_while_the_thumb_is_down_neither_move_the_pad_nor_end_th
     bench.stops_after(page.lift)
 
 
+@pytest.mark.parametrize("size", SIZES)
 def test_the_pad_does_not_move_under_the_thumb_whatever_the_page_says(
-    bench: PageBench, page: Page
+    bench: PageBench, page: Page, size: tuple[int, int]
 ) -> None:
+    page.resize(*size, phone=True)
     before = page.middle(".pad")
     bench.press(page)
     places = [page.middle(".pad")]

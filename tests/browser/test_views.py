@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -14,6 +16,9 @@ pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser")]
 
 VIEWS = ("drive", "map", "wheels", "health", "calibrate", "record", "boxes")
 PHONE, DESKTOP = (360, 740), (1920, 1080)
+ON_ITS_SIDE, SMALL_ON_ITS_SIDE = (844, 390), (740, 360)
+WITH_PAD = ("map", "wheels", "health")
+"""The views that stand beside the joystick on a phone on its side."""
 
 
 def axe() -> str:
@@ -45,7 +50,8 @@ def spills(page: Page) -> list[str]:
     """The elements that are wider than the screen."""
     found: list[str] = page.evaluate(
         "[...document.querySelectorAll('body *')].filter((e) => e.checkVisibility()"
-        " && !e.closest('nav, .skip') && e.getBoundingClientRect().right > innerWidth + 0.5)"
+        " && !e.closest('nav, .tools, .skip')"
+        " && e.getBoundingClientRect().right > innerWidth + 0.5)"
         ".map((e) => e.tagName + '.' + e.className)"
     )
     return found
@@ -58,6 +64,8 @@ def spills(page: Page) -> list[str]:
         pytest.param("dark", DESKTOP, id="dark-desktop"),
         pytest.param("dark", PHONE, id="dark-phone", marks=LONG),
         pytest.param("light", DESKTOP, id="light-desktop", marks=LONG),
+        pytest.param("dark", ON_ITS_SIDE, id="dark-phone-on-its-side", marks=LONG),
+        pytest.param("light", SMALL_ON_ITS_SIDE, id="light-small-phone-on-its-side", marks=LONG),
     ],
 )
 def test_no_view_has_a_barrier_that_axe_finds_and_none_is_wider_than_the_screen(
@@ -66,7 +74,7 @@ def test_no_view_has_a_barrier_that_axe_finds_and_none_is_wider_than_the_screen(
     page.evaluate(axe() + "; 0")
     page.prefer(scheme)
     bench.make_events()
-    page.resize(*size, phone=size == PHONE)
+    page.resize(*size, phone=size != DESKTOP)
     for view in VIEWS if size == PHONE else VIEWS[1:]:
         show(page, view)
         assert violations(page) == [], view
@@ -90,6 +98,188 @@ def test_where_less_motion_is_preferred_the_page_moves_nothing_and_says_the_same
     assert page.text("#estop") == "Stopping\u2026"
     bench.network.held = False
     page.says("#estop-text", "acknowledged the emergency stop")
+
+
+def enlarge(page: Page, percent: int) -> None:
+    """The size of text that a person chose in the browser."""
+    page.evaluate(f"document.documentElement.style.fontSize = '{percent}%'")
+
+
+def box(page: Page, selector: str) -> list[float]:
+    """Left, top, width and height."""
+    found: list[float] = page.evaluate(
+        f"(() => {{ const b = document.querySelector('{selector}').getBoundingClientRect();"
+        " return [b.left, b.top, b.width, b.height]; })()"
+    )
+    return found
+
+
+def covered(page: Page, selector: str) -> list[list[float]]:
+    """The points of an element, its middle and near its corners, that a finger does not reach."""
+    found: list[list[float]] = page.evaluate(
+        f"(() => {{ const e = document.querySelector('{selector}');"
+        " const b = e.getBoundingClientRect(); const n = e.matches('.pad') ? 0.34 : 0.45;"
+        " return [[0, 0], [-n, -n], [n, -n], [-n, n], [n, n]]"
+        ".map(([x, y]) => [b.x + (0.5 + x) * b.width, b.y + (0.5 + y) * b.height])"
+        ".filter(([x, y]) => !e.contains(document.elementFromPoint(x, y))); })()"
+    )
+    return found
+
+
+def cut(page: Page, selector: str) -> bool:
+    """Whether an element's contents are larger than it is."""
+    found: bool = page.evaluate(
+        f"(() => {{ const e = document.querySelector('{selector}');"
+        " return e.scrollWidth > e.clientWidth + 1 || e.scrollHeight > e.clientHeight + 1; })()"
+    )
+    return found
+
+
+@pytest.mark.parametrize(
+    ("size", "percent"),
+    [
+        pytest.param(SMALL_ON_ITS_SIDE, 200, id="small-200"),
+        pytest.param(SMALL_ON_ITS_SIDE, 100, id="small-100", marks=LONG),
+        pytest.param(ON_ITS_SIDE, 200, id="200", marks=LONG),
+        pytest.param(ON_ITS_SIDE, 100, id="100", marks=LONG),
+    ],
+)
+def test_on_its_side_the_pad_is_whole_and_still_and_the_stop_is_pressed_in_every_view(
+    bench: PageBench, page: Page, size: tuple[int, int], percent: int
+) -> None:
+    page.resize(*size, phone=True)
+    enlarge(page, percent)
+    stop, pad = box(page, "#estop"), None
+    for engaged in (False, True):
+        for view in VIEWS[1:]:
+            show(page, view)
+            page.until(f"document.querySelector('#{view}')?.hidden === false")
+            assert covered(page, "#estop") == [], view
+            assert not cut(page, "#estop")
+            assert box(page, "#estop") == pytest.approx(stop, abs=1.0), view
+            if engaged:
+                assert covered(page, "#release") == [], view
+                assert not cut(page, "#release")
+            page.until(
+                f"document.querySelector('#drive').hidden === {str(view not in WITH_PAD).lower()}"
+            )
+            if view in WITH_PAD:
+                assert covered(page, ".pad") == [], view
+                pad = pad or box(page, ".pad")
+                assert box(page, ".pad") == pytest.approx(pad, abs=1.0), view
+                assert min(pad[2:]) >= 200
+            assert box(page, "#views a[data-view=map]")[3] > 30
+        if not engaged:
+            page.tap("#estop")
+            page.says("#state", "emergency stop")
+            page.says("#release", "Release the stop")
+            assert "`" not in page.text("#why")
+
+
+@LONG
+@pytest.mark.parametrize("size", [ON_ITS_SIDE, SMALL_ON_ITS_SIDE])
+@pytest.mark.parametrize("percent", [100, 200])
+def test_on_its_side_axe_finds_nothing_at_either_size_of_text_while_it_is_stopped(
+    bench: PageBench, page: Page, size: tuple[int, int], percent: int
+) -> None:
+    page.evaluate(axe() + "; 0")
+    page.resize(*size, phone=True)
+    enlarge(page, percent)
+    page.click("#estop")
+    page.says("#state", "emergency stop")
+    for view in VIEWS[1:]:
+        show(page, view)
+        assert violations(page) == [], view
+        assert spills(page) == [], view
+
+
+@LONG
+def test_pad_and_stop_change_sides_by_a_button_and_keep_them(bench: PageBench, page: Page) -> None:
+    page.resize(*SMALL_ON_ITS_SIDE, phone=True)
+    page.until("document.querySelector('.pad').clientWidth > 199")
+    assert page.middle(".pad")[0] > page.middle("#estop")[0]
+    for _ in range(2):
+        page.click(".swap")
+        left = page.evaluate("document.body.dataset.pad") == "left"
+        page.go(bench.url)
+        bench.ready(page)
+        assert (page.middle(".pad")[0] < page.middle("#estop")[0]) == left
+        assert covered(page, ".pad") == covered(page, "#estop") == []
+        assert min(box(page, ".pad")[2:]) >= 200
+        show(page, "record")
+        page.until("document.querySelector('#record')?.hidden === false")
+        assert covered(page, "#record") == covered(page, "#estop") == []
+        show(page, "map")
+    bench.press(page)
+    bench.stops_after(page.lift)
+
+
+@LONG
+@pytest.mark.parametrize("size", [PHONE, (768, 1024), DESKTOP])
+@pytest.mark.parametrize("percent", [100, 200])
+def test_neither_a_stop_nor_its_words_move_or_cover_the_pad(
+    bench: PageBench, page: Page, size: tuple[int, int], percent: int
+) -> None:
+    page.resize(*size, phone=size != DESKTOP)
+    enlarge(page, percent)
+    page.until("document.querySelector('.pad').clientWidth > 190")
+    before = box(page, ".pad")
+    assert covered(page, ".pad") == []
+    page.click("#estop")
+    page.says("#release", "Release the stop")
+    assert covered(page, ".pad") == covered(page, "#estop") == covered(page, "#release") == []
+    assert not cut(page, "#estop")
+    assert box(page, ".pad") == pytest.approx(before, abs=1.0)
+
+
+RELEASE = " To drive again: `yahboomd stop --release`."
+
+
+def test_the_daemons_reasons_stay_exact_except_that_nobody_drives_and_what_a_button_does(
+    page: Page,
+) -> None:
+    stop = "Emergency stop, engaged by x: y."
+    for role, why, shown in (
+        ("driver", "The page ended with a zero command 72.9 s ago.", "Ready."),
+        ("driver", "No source commands motion.", "Ready."),
+        ("driver", f"{stop}{RELEASE} cmd_vel ended with a zero command 3.0 s ago.", stop),
+        ("viewer", f"{stop}{RELEASE}", f"{stop}{RELEASE}"),
+        ("driver", "cmd_vel drove and was lost 3.0 s ago: its client left the bus.", ""),
+        ("driver", "No source commands motion. Commands refused lately: 3 no_velocity.", ""),
+    ):
+        asked = f"import('/page/header.js').then((m) => m.plain({json.dumps(why)}, '{role}'))"
+        assert page.evaluate(asked) == (shown or why)
+
+
+@LONG
+def test_the_battery_is_shown_in_percent_by_its_curve_and_low_in_colour_and_words(
+    make_bench: Callable[..., PageBench],
+) -> None:
+    curve = "board.battery_curve=[[6.0, 0.0], [8.0, 1.0]]"
+    limits = ("--set", "board.battery_low_v=7.6", "--set", "board.battery_period_s=1")
+    bench = make_bench(run=("--set", curve, *limits), simulate=("--battery", "7.4"))
+    with bench.page() as page:
+        bench.ready(page)
+        page.says("#battery", "70 % low")
+        assert page.evaluate("document.querySelector('#battery').matches('.low')")
+        show(page, "health")
+        page.says("#health", "70 %, 7.40 V, low: 7.4 V at rest")
+
+
+@LONG
+@pytest.mark.parametrize("size", [PHONE, SMALL_ON_ITS_SIDE, DESKTOP])
+def test_a_page_without_a_session_shows_how_to_get_in_and_no_dead_controls(
+    make_bench: Callable[..., PageBench], size: tuple[int, int]
+) -> None:
+    bench = make_bench(listen="0.0.0.0")
+    with bench.page() as page:
+        page.resize(*size, phone=size != DESKTOP)
+        page.says("#main", "yahboomd web --show-link")
+        page.says("#state", "no access")
+        page.says("#why", "opened by its link")
+        seen = "[...document.querySelectorAll('button, input, nav a, .pad')]"
+        assert page.evaluate(f"{seen}.filter((e) => e.checkVisibility()).length") == 0
+        assert spills(page) == []
 
 
 @LONG

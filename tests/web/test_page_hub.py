@@ -25,6 +25,7 @@ async def test_a_page_gets_the_robot_beats_and_the_newest_samples(
     page = await served.page()
     hello = page.of("hello")[0]
     assert (hello["role"], hello["lapse_ms"]) == ("driver", 300)
+    assert hello["battery_curve"] == []
     assert (await page.one("daemon"))["alive"]
     for kind in ("pose", "twist", "wheels", "battery", "status"):
         assert "stamp_ns" in (await page.one(kind))["sample"]

@@ -19,7 +19,7 @@ from yahboomd.core.config import Config
 from yahboomd.core.messages.codecs import encode
 from yahboomd.core.messages.native import ServiceReply
 from yahboomd.core.model import Twist2d
-from yahboomd.web.robot_feed import RobotFeed, daemon_part, limits_of, takes
+from yahboomd.web.robot_feed import RobotFeed, curve_of, daemon_part, limits_of, takes
 
 pytestmark = pytest.mark.realtime
 
@@ -194,3 +194,10 @@ def test_limits_are_those_of_the_configuration_in_effect() -> None:
     assert limits_of(in_effect(preset="4wd")) == {"vx": 0.5, "vy": 0.0, "wz": 6.0}
     assert limits_of(in_effect(preset="mecanum", wheel_base_m=0.2))["vy"] == 0.5
     assert limits_of({"limits": {"linear": {"velocity": "much"}}}) == {}
+
+
+def test_the_batterys_curve_is_that_of_the_configuration_in_effect() -> None:
+    curve = [[9.6, 0.0], [12.6, 1.0]]
+    assert curve_of({"board": {"battery_curve": curve}}) == curve
+    assert curve_of(in_effect()) == []
+    assert curve_of({"board": {"battery_curve": "full"}}) == curve_of({}) == []

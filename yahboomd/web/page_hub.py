@@ -352,6 +352,7 @@ class PageHub:
             robot=self.robot.name,
             version=__version__,
             limits=self.robot.limits or None,
+            battery_curve=self.robot.battery_curve,
             barred=self.robot.barred,
             no_moves="" if self._has_moves else NO_MOVES.text,
             lapse_ms=LAPSE_NS // NS_PER_MS,

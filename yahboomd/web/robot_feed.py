@@ -59,6 +59,7 @@ class RobotFeed:
     Attributes:
         known: The latest parts that hold until newer ones come, for a page that connects.
         limits: The fastest that the robot drives; empty while the daemon is not there.
+        battery_curve: Charge by volts, as `board.battery_curve`; empty while unknown.
         barred: The reason why the daemon accepts no commands from pages, by its configuration;
             empty if it accepts them, or if this is not known.
         pose: The newest pose; None while none came from this daemon.
@@ -75,6 +76,7 @@ class RobotFeed:
     ) -> None:
         self.known: dict[str, bytes] = {}
         self.limits: dict[str, float] = {}
+        self.battery_curve: list[list[float]] = []
         self.barred = ""
         self.pose: PoseSample | None = None
         self.source = source
@@ -248,6 +250,7 @@ class RobotFeed:
     def _presence_changed(self, alive: bool) -> None:
         self.known.clear()
         self.limits = {}
+        self.battery_curve = []
         self.barred = ""
         self._shown = self.pose = None
         if self._learning is not None:
@@ -266,6 +269,7 @@ class RobotFeed:
             await asyncio.sleep(ANSWER_S)
         if answer.success:
             self.limits = limits_of(answer.data)
+            self.battery_curve = curve_of(answer.data)
             self.barred = "" if takes(answer.data, self.source) else no_source(self.source)
             self._changed()
 
@@ -295,6 +299,14 @@ class _InEffect(msgspec.Struct):
     chassis: _Chassis
 
 
+class _Board(msgspec.Struct):
+    battery_curve: list[list[float]]
+
+
+class _Battery(msgspec.Struct):
+    board: _Board
+
+
 def limits_of(config: dict[str, Any]) -> dict[str, float]:
     """The robot's speed limits, by its configuration in effect; empty if unknown."""
     try:
@@ -310,6 +322,14 @@ def limits_of(config: dict[str, Any]) -> dict[str, float]:
         "vy": linear if sideways else 0.0,
         "wz": known.limits.angular.velocity,
     }
+
+
+def curve_of(config: dict[str, Any]) -> list[list[float]]:
+    """The battery's points (volts, charge from 0 to 1) by a configuration; empty if unknown."""
+    try:
+        return msgspec.convert(config, _Battery).board.battery_curve
+    except msgspec.ValidationError:
+        return []
 
 
 def takes(config: dict[str, Any], source: str) -> bool:

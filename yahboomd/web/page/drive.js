@@ -5,6 +5,8 @@ import { el, fixed, write } from "./dom.js";
 import { Joystick } from "./joystick.js";
 import { Keyboard } from "./keyboard.js";
 import { obstacle } from "./obstacles.js";
+import { padSide } from "./pad_side.js";
+import { keep, kept } from "./storage.js";
 
 const LIMIT = "speed limit"; // Its key in the storage of the browser.
 const AGAIN = " Lift your thumb and touch again.";
@@ -71,15 +73,15 @@ function create(app) {
   const slide = el("input", { type: "checkbox", id: "slide" });
   const slideRow = el("label", { class: "slide", for: "slide", hidden: true }, slide, " Slide sideways instead of turning");
   const slider = el("input", { type: "range", id: "limit", min: "10", max: "100", step: "5" });
-  slider.value = readLimit();
+  slider.value = Math.max(10, Math.min(100, Number(kept(LIMIT)) || 40));
   const limitText = el("output", { for: "limit" });
-  const words = el("p", { class: "words", role: "status" });
+  const words = el("p", { class: "words", role: "status", tabindex: "0" });
   const take = el("button", { type: "button", class: "take", onclick: () => connection.control(!mine()) });
   const speed = el("p", { class: "speed" });
   const mine = () => Boolean(live.newest("control")?.mine);
 
   slider.addEventListener("input", () => {
-    writeLimit(slider.value);
+    keep(LIMIT, slider.value);
     // A held key still has the velocity of the old limit.
     deadman.letGo("The speed limit was changed.");
     show();
@@ -138,7 +140,7 @@ function create(app) {
     words,
     el("div", { class: "room" }, joystick.element),
     el("div", { class: "line" }, speed, take),
-    el("div", { class: "limit" }, el("label", { for: "limit" }, "Speed limit "), limitText, slider),
+    el("div", { class: "limit" }, el("label", { for: "limit" }, "Speed limit "), limitText, slider, padSide()),
     slideRow,
     el("p", { class: "keys" }, el("kbd", {}, "↑ ↓ ← →"), " or ", el("kbd", {}, "W A S D"), " drive while held. ", el("kbd", {}, "Space"), " is the emergency stop, everywhere."),
   );
@@ -156,20 +158,4 @@ function create(app) {
       deadman.letGo("Another view was opened.");
     },
   };
-}
-
-function readLimit() {
-  try {
-    return Math.max(10, Math.min(100, Number(localStorage.getItem(LIMIT)) || 40));
-  } catch {
-    return 40; // The browser gives this page no storage.
-  }
-}
-
-function writeLimit(value) {
-  try {
-    localStorage.setItem(LIMIT, value);
-  } catch {
-    // The next page starts with the usual limit.
-  }
 }

@@ -1,6 +1,7 @@
 // The lines on top of every view: state, why the robot stands, who drives, battery, network.
 
-import { duration, fixed, write } from "./dom.js";
+import { charge } from "./battery.js";
+import { duration, write } from "./dom.js";
 import { delayOf } from "./obstacles.js";
 
 const STATES = {
@@ -24,15 +25,13 @@ export function watchHeader(connection, live) {
     write(at("state"), found.words);
     write(at("why"), found.why);
     write(at("driver"), who(live));
-    const battery = live.sample("battery");
-    const charge = live.sample("status")?.board.battery ?? "";
-    const words = { low: " low", empty: " empty" }[charge] ?? "";
-    write(at("battery"), battery ? `${fixed(battery.volts, 1)} V${words}` : "");
-    at("battery").classList.toggle("low", Boolean(words));
+    const { text, isLow } = charge(live);
+    write(at("battery"), text);
+    at("battery").classList.toggle("low", isLow);
     const delay = delayOf(live);
     write(at("delay"), delay ? `${Math.round(delay)} ms` : "");
     at("delay").title = "Network, there and back";
-    at("battery").title = "Battery";
+    at("battery").title = "Battery, at rest";
   };
   for (const type of ["link", "hello", "control", "daemon", "status", "battery", "delay"]) live.on(type, show);
   setInterval(show, 1000);
@@ -54,7 +53,17 @@ function summary(connection, live) {
   if (!status) return { state: "offline", words: "connecting", why: "Waiting for the robot's first status." };
   if (live.age("status") > OLD_MS)
     return { state: "offline", words: "silent", why: `The last status is ${duration(live.age("status"))} old. It was: ${status.why}` };
-  return { state: status.state, words: STATES[status.state] ?? status.state, why: status.why };
+  return { state: status.state, words: STATES[status.state] ?? status.state, why: plain(status.why, live.newest("hello")?.role) };
+}
+
+// That nobody drives is no reason to read; every other sentence stays as the daemon has it.
+const NOBODY = / ?(?:[^.`]* ended with a zero command(?: \d+(?:\.\d+)? [a-z]+ ago)?|No source commands motion)\.$/;
+const RELEASE = / ?To drive again: `[^`]*`\.?/g; // The button below does the same.
+
+/** The daemon's words for a phone. */
+export function plain(why, role) {
+  const rest = why.replace(NOBODY, "");
+  return (role === "driver" ? rest.replace(RELEASE, "") : rest).trim() || "Ready.";
 }
 
 function who(live) {

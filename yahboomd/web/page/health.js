@@ -1,5 +1,6 @@
 // Health: battery, board, network, counters that grow, events in order.
 
+import { charge } from "./battery.js";
 import { Counters } from "./counters.js";
 import { duration, el, fixed, write } from "./dom.js";
 import { Events } from "./events.js";
@@ -39,9 +40,11 @@ function create({ live, connection }) {
     if (element.hidden) return;
     const status = live.sample("status");
     const battery = live.sample("battery");
-    const { battery: charge, volts_at_rest: atRest } = status?.board ?? {};
-    const level = charge ? `, ${charge}: ${fixed(atRest, 1)} V at rest` : "";
-    fact("Battery", battery ? `${fixed(battery.volts, 2)} V${level}` : "not measured yet");
+    const { battery: level, volts_at_rest: atRest } = status?.board ?? {};
+    const rest = level ? `, ${level}: ${fixed(atRest, 1)} V at rest` : "";
+    const { text } = charge(live);
+    const percent = text.includes("%") ? `${text.split(" %")[0]} %, ` : "";
+    fact("Battery", battery ? `${percent}${fixed(battery.volts, 2)} V${rest}` : "not measured yet");
     if (status) {
       const { board } = status;
       fact("Board", board.port ? [board.dialect, board.version && `firmware ${board.version}`].filter(Boolean).join(", ") : "not connected");

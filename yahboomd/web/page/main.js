@@ -1,5 +1,6 @@
 // Starts the page.
 
+import { showDoor } from "./door.js";
 import { Estop } from "./estop.js";
 import { watchHeader } from "./header.js";
 import { Live } from "./live.js";
@@ -18,8 +19,10 @@ new Views(app);
 
 try {
   const { problem } = await session;
-  if (problem) live.emit("problem", { text: problem });
-  else connection.connect();
+  if (problem) {
+    live.emit("problem", { text: problem });
+    showDoor();
+  } else connection.connect();
 } catch {
   connection.connect(); // It reports that there is no connection, and tries again.
 }

@@ -15,9 +15,9 @@ export async function openSession() {
       body: JSON.stringify({ token }),
     });
     if (answer.status === 429) return { problem: "Too many attempts. Wait a minute, then open the link again." };
-    if (!answer.ok) return { problem: "The robot does not accept this link. Print a new one with: yahboomd web" };
+    if (!answer.ok) return { problem: "The robot does not accept this link." };
   }
   const answer = await fetch("/session");
   if (answer.ok) return answer.json();
-  return { problem: "Open this page by its link, or by the QR code, that yahboomd web prints." };
+  return { problem: "This page is opened by its link, or by its QR code." };
 }

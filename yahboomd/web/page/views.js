@@ -14,7 +14,10 @@ const VIEWS = [
   { id: "record", title: "Record", load: () => import("./record.js").then((module) => module.create) },
   { id: "boxes", title: "Black boxes", load: () => import("./boxes.js").then((module) => module.create) },
 ];
-const WIDE = matchMedia("(min-width: 1000px)"); // As in style.css: the drive view stays beside the others.
+// As in style.css. On a wide screen the drive view stays beside all others, on a phone on its side beside those that show the robot.
+const WIDE = matchMedia("(min-width: 1000px) and (min-height: 501px)");
+const ASIDE = matchMedia("(max-height: 500px) and (min-width: 560px)");
+const BESIDE = [drive, map, wheels, health];
 
 export class Views {
   #made = new Map();
@@ -28,14 +31,15 @@ export class Views {
     this.links = VIEWS.map(({ id, title }) => el("a", { href: `#${id}`, "data-view": id }, title));
     document.getElementById("views").append(...this.links);
     addEventListener("hashchange", () => this.#open());
-    WIDE.addEventListener("change", () => this.#open());
+    for (const each of [WIDE, ASIDE]) each.addEventListener("change", () => this.#open());
     this.#open();
   }
 
   async #open() {
     const asked = VIEWS.find(({ id }) => `#${id}` === location.hash) ?? VIEWS[0];
-    const opened = WIDE.matches && asked === drive ? map : asked;
-    const wanted = WIDE.matches ? [drive, opened] : [opened];
+    const opened = (WIDE.matches || ASIDE.matches) && asked === drive ? map : asked;
+    const besides = WIDE.matches || (ASIDE.matches && BESIDE.includes(opened));
+    const wanted = besides ? [drive, opened] : [opened];
     for (const link of this.links) {
       const current = link.dataset.view === opened.id;
       if (current) link.setAttribute("aria-current", "page");
