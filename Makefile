@@ -196,9 +196,16 @@ picture: $(VENV)/.dev ## drive the simulated robot, and draw docs/images/path.pn
 	$(PY) make/picture.py $(ARGS)
 
 ##@ Package and system
-.PHONY: deb system-test plug-test
+.PHONY: deb release system-test plug-test
 deb: ## build the Debian package for this machine's distribution, into dist/
 	@$(PYTHON) packaging/build_deb.py $(ARGS)
+
+$(VENV)/.release: pyproject.toml make/bootstrap.py
+	@$(PYTHON) make/bootstrap.py $(VENV) release
+	@touch $@
+
+release: $(VENV)/.release ## all that a release publishes, built twice, judged and tried, into dist/ (docs/release.md; ARGS=--no-deb)
+	@exec $(PY) make/release.py $(ARGS)
 
 system-test: $(VENV)/.dev ## the installed service under a real systemd, in a container (root; SUITE=trixie, SHORT=1)
 	@$(PY) make/system_test.py $(if $(SUITE),--suite $(SUITE)) $(if $(SHORT),--short --if-possible) $(ARGS)
