@@ -119,6 +119,7 @@ def _environment(work: Path, stage: Path, python: tuple[int, int]) -> str:
 def documents() -> list[Path]:
     """The pages and the files they link to, as paths in the source; the package keeps them."""
     pages = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "LICENSE", "config.toml"]
+    pages += ["SECURITY.md", "CODE_OF_CONDUCT.md"]
     folders = ("docs", "examples", "schemas")
     found = [path for folder in folders for path in (TREE / folder).rglob("*") if path.is_file()]
     return [Path(page) for page in pages] + sorted(path.relative_to(TREE) for path in found)

@@ -30,7 +30,10 @@ ROOT = Path(__file__).resolve().parents[1]
 WRITTEN = [
     *(
         ROOT / name
-        for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "benchmarks/README.md")
+        for name in (
+            *("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "benchmarks/README.md"),
+            *("SECURITY.md", "CODE_OF_CONDUCT.md"),
+        )
     ),
     *sorted((ROOT / "docs").rglob("*.md")),
     *sorted((ROOT / "examples").glob("clients/*.md")),
