@@ -91,6 +91,7 @@ def _environment(work: Path, stage: Path, python: tuple[int, int]) -> str:
     for leftover in site.rglob("direct_url.json"):
         # It contains the folder in which the wheel was built.
         leftover.unlink()
+    list_what_is_packed(site)
     for path in site.rglob("*"):
         # Modules are imported, not run: pip leaves some executable, their authors some with #!.
         path.chmod(0o755 if path.is_dir() else 0o644)
@@ -114,6 +115,17 @@ def _environment(work: Path, stage: Path, python: tuple[int, int]) -> str:
         executable=True,
     )
     return wheel.name.split("-")[1]
+
+
+def list_what_is_packed(site: Path) -> None:
+    """Take files that are gone out of each list of installed files.
+
+    They contained folders of the build, so their sums would make each package another one.
+    """
+    for record in site.glob("*.dist-info/RECORD"):
+        lines = record.read_text().splitlines(keepends=True)
+        kept = [line for line in lines if (site / line.rsplit(",", 2)[0].strip('"')).exists()]
+        record.write_text("".join(kept))
 
 
 def documents() -> list[Path]:

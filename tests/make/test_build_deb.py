@@ -38,6 +38,17 @@ def test_every_link_of_a_page_in_the_package_leads_to_a_file_in_the_package() ->
     assert broken == []
 
 
+def test_the_list_of_a_bundled_package_has_no_file_of_the_building_machine(tmp_path: Path) -> None:
+    info = tmp_path / "idna-3.dist-info"
+    info.mkdir()
+    (tmp_path / "idna.py").touch()
+    kept = "idna.py,sha256=aa,0\nidna-3.dist-info/RECORD,,\n"
+    scripts = "../../bin/idna,sha256=bb,227\nidna-3.dist-info/direct_url.json,sha256=cc,60\n"
+    (info / "RECORD").write_text(scripts + kept)
+    build_deb().list_what_is_packed(tmp_path)
+    assert (info / "RECORD").read_text() == kept
+
+
 def test_man_pages_and_completions_are_where_man_and_the_shells_look() -> None:
     there = set(build_deb().shared())
     assert {
