@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import json
 import os
 import re
 import shutil
@@ -117,6 +118,10 @@ def _build(folder: Path, commit: str, *, deb: bool) -> list[Path]:
         "--pyproject", str(source / "pyproject.toml"), "-o", str(bill), str(bare / "bin/python"),
         quiet=True,
     )  # fmt: skip
+    # pyproject.toml has no version to read, as git has it.
+    parts = json.loads(bill.read_text())
+    parts["metadata"]["component"]["version"] = wheel.name.split("-")[1]
+    bill.write_text(json.dumps(parts, indent=2, sort_keys=True) + "\n")
     if deb:
         packer = str(source / "packaging/build_deb.py")
         _run("/usr/bin/python3", packer, "--output", str(output), quiet=True)
