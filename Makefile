@@ -196,9 +196,16 @@ picture: $(VENV)/.dev ## drive the simulated robot, and draw docs/images/path.pn
 	$(PY) make/picture.py $(ARGS)
 
 ##@ Package and system
-.PHONY: deb release system-test plug-test
+.PHONY: deb site release system-test plug-test
 deb: ## build the Debian package for this machine's distribution, into dist/
 	@$(PYTHON) packaging/build_deb.py $(ARGS)
+
+$(VENV)/.site: pyproject.toml make/bootstrap.py
+	@$(PYTHON) make/bootstrap.py $(VENV) site
+	@touch $@
+
+site: $(VENV)/.site ## the pages as a site in build/site, every link and anchor checked (ARGS='--published FOLDER': also a version there)
+	@exec $(PY) make/make_site.py $(ARGS)
 
 $(VENV)/.release: pyproject.toml make/bootstrap.py
 	@$(PYTHON) make/bootstrap.py $(VENV) release
