@@ -23,7 +23,6 @@ from yahboomd.simulation.board import NEVER
 from yahboomd.simulation.four_channel.flash import FlashContent, fields, mm_s_per_tick
 from yahboomd.simulation.four_channel.page_write import PREPARE_NS
 from yahboomd.simulation.four_channel.streamed_board import (
-    CARRY_OUT_NS,
     LACKING_NUMBERS,
     StreamedBoard,
 )
@@ -117,7 +116,8 @@ class Watched(StreamedBoard):
 
     Attributes:
         ended_ns: When a frame ended.
-        wiped_ns: When a command was done, and whatever frame had ended meanwhile was lost.
+        wiped: When a command was done, and whatever frame had ended meanwhile was lost, with the
+            number of frames that had ended when the command was taken.
         near_calls: Writes that began so near an interrupt that either may have been the first, and
             failures of the supply while values were written, and bytes that came when the processor
             was just halted or went on.
@@ -130,7 +130,8 @@ class Watched(StreamedBoard):
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
         self.ended_ns: list[int] = []
-        self.wiped_ns: list[int] = []
+        self.wiped: list[tuple[int, int]] = []
+        self._taken = 0
         self.near_calls = self.near_speeds = self.lacking = 0
         self.late_speed = self._had_many = False
 
@@ -160,8 +161,12 @@ class Watched(StreamedBoard):
             self.near_calls += min(edges) < RACE_NS
         super().receive(byte, now_ns)
 
+    def _execute(self, command: bytes, now_ns: int) -> None:
+        self._taken = len(self.ended_ns)
+        super()._execute(command, now_ns)
+
     def _done(self, now_ns: int) -> None:
-        self.wiped_ns.append(now_ns)
+        self.wiped.append((now_ns, self._taken))
         super()._done(now_ns)
 
     def _spd(self, args: bytes, now_ns: int) -> None:
@@ -204,8 +209,11 @@ class Watched(StreamedBoard):
         return (
             self.near_calls
             + sum(
-                any(-CARRY_OUT_NS < end_ns - wiped_ns < RACE_NS for wiped_ns in self.wiped_ns)
-                for end_ns in ended_ns
+                any(
+                    number >= taken and abs(end_ns - wiped_ns) < RACE_NS
+                    for wiped_ns, taken in self.wiped
+                )
+                for number, end_ns in enumerate(ended_ns)
             )
             + sum(later - earlier < pass_ns for earlier, later in pairwise(ended_ns))
         )
@@ -397,7 +405,7 @@ class Comparison:
             ear.take(0)
         self._samples.clear()
         self._simulated.ended_ns.clear()
-        self._simulated.wiped_ns.clear()
+        self._simulated.wiped.clear()
         self._simulated.near_calls = self._simulated.near_speeds = self._simulated.lacking = 0
         self._simulated.late_speed = False
         return begin_ns
@@ -557,6 +565,7 @@ def _stream(texts: list[Text]) -> bool:
 
 
 def _texts_differ(one: list[Text], other: list[Text], late_ns: int) -> Parting | None:
+    one, other = _as_cut(one, other), _as_cut(other, one)
     for a, b in zip(one, other, strict=False):
         late = max(abs(a.first_ns - b.first_ns), abs(a.last_ns - b.last_ns)) > late_ns
         if late or not (a.text == b.text or _volts_alike(a.text, b.text) or _cut_alike(a, b)):
@@ -573,11 +582,24 @@ def _volts_alike(one: str, other: str) -> bool:
     return len(volts) == 2 and abs(volts[0] - volts[1]) < 0.1 + CHANNELS * SAG_V + 0.001
 
 
+def _as_cut(texts: list[Text], others: list[Text]) -> list[Text]:
+    """The texts, with the banner in the line before it where the other board's line was cut.
+
+    What cut it there came behind the last byte here.
+    """
+    for place, (line, banner, other) in enumerate(zip(texts, texts[1:], others, strict=False)):
+        cut = other.text != BANNER and other.text.endswith(BANNER)
+        if cut and banner.text == BANNER and not line.text.endswith(BANNER):
+            whole = Text(line.text + BANNER, line.first_ns, banner.last_ns)
+            return [*texts[:place], whole, *texts[place + 2 :]]
+    return texts
+
+
 def _cut_alike(one: Text, other: Text) -> bool:
     """Whether both are a line that was cut at one moment: the later one lacks that time's bytes."""
-    begins = [text.text.removesuffix(BANNER) for text in (one, other)]
-    short, long = sorted(begins, key=len)
-    late_ns = abs(one.first_ns - other.first_ns)
+    earlier, later = sorted((one, other), key=lambda text: text.first_ns)
+    long, short = (text.text.removesuffix(BANNER) for text in (earlier, later))
+    late_ns = later.first_ns - earlier.first_ns
     return (
         all(text.text.endswith(BANNER) for text in (one, other))
         and 0 < len(short) < len(long)
