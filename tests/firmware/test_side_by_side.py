@@ -82,15 +82,35 @@ def test_an_answer_that_a_failing_supply_cuts_may_lack_what_it_began_later() -> 
     assert _texts_differ(whole, whole[:1], 5 * MS) is not None
 
 
+def _watched() -> Watched:
+    options = SimulationOptions(drive="skid_steer", battery_volts=12.0, rated_volts=12.0)
+    plant = Plant(options, Random(1))
+    plant.start(0)
+    board = Watched(options, plant, lambda *_: None, Random(1))
+    board.start(0)
+    return board
+
+
+@pytest.mark.parametrize(
+    ("streams", "gains", "lacking"),
+    [(b"0,1,0", b"0.8", 1), (b"0,0,0", b"0.8", 0), (b"1,1,1", b"0.8,0.06", 0)],
+)
+def test_one_gain_while_lines_stream_may_be_completed_from_the_memory(
+    streams: bytes, gains: bytes, lacking: int
+) -> None:
+    board = _watched()
+    for at_ns, command in ((MS, b"$upload:%s#" % streams), (50 * MS, b"$MPID:%s#" % gains)):
+        for byte in command:
+            board.receive(byte, at_ns)
+    board.run_due(100 * MS)
+    assert board.lacking == lacking
+
+
 @pytest.mark.parametrize("first", [b"$read_vol#", b"$spd:0,0,0,0#"])
 def test_a_frame_that_ends_about_when_the_mailbox_is_wiped_is_a_close_call(first: bytes) -> None:
     def close_calls(end_ns: int) -> tuple[int, int]:
         """Of a board whose second frame ends then, and when it is wiped behind the first."""
-        options = SimulationOptions(drive="skid_steer", battery_volts=12.0, rated_volts=12.0)
-        plant = Plant(options, Random(1))
-        plant.start(0)
-        board = Watched(options, plant, lambda *_: None, Random(1))
-        board.start(0)
+        board = _watched()
         for byte in first:
             board.receive(byte, MS)
         for byte in b"$upload:0,0,0":

@@ -23,6 +23,7 @@ from yahboomd.simulation.board import NEVER
 from yahboomd.simulation.four_channel.flash import FlashContent, fields, mm_s_per_tick
 from yahboomd.simulation.four_channel.page_write import PREPARE_NS
 from yahboomd.simulation.four_channel.streamed_board import (
+    LACKING_GAINS,
     LACKING_NUMBERS,
     StreamedBoard,
 )
@@ -124,7 +125,7 @@ class Watched(StreamedBoard):
         near_speeds: Speeds that came so near an interrupt.
         late_speed: Whether one did since the last sample.
         lacking: Speeds and outputs with too few numbers, while lines stream, or behind
-            :data:`MANY_NUMBERS`.
+            :data:`MANY_NUMBERS`; and too few gains, while lines stream.
     """
 
     def __init__(self, *args: Any) -> None:
@@ -183,7 +184,10 @@ class Watched(StreamedBoard):
         super()._carried_out(args, now_ns)
 
     def _set(self, name: bytes, args: bytes, now_ns: int) -> None:
-        self._had_many = self._had_many or (name == b"MPID" and len(fields(args)) >= MANY_NUMBERS)
+        if name == b"MPID":
+            gains = len(fields(args))
+            self.lacking += gains <= LACKING_GAINS and any(self.streams)
+            self._had_many = self._had_many or gains >= MANY_NUMBERS
         super()._set(name, args, now_ns)
 
     def reset(self, now_ns: int, *, off_ns: int = 0, by_power: bool) -> None:
