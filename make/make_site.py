@@ -38,6 +38,7 @@ OUTSIDE_DOCS = {
 LINK = re.compile(r"(\]\()([^)\s]+)(?=\))")
 FENCED = re.compile(r"(^ *```.*?^ *```)", re.DOTALL | re.MULTILINE)
 PICTURE = re.compile(r"^!\[[^\]]*\]\(([^)\s]+)\)$", re.MULTILINE)
+COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 CODE = re.compile(r"`[^`]+`")
 LIST = re.compile(r"^( *)(?:[-*]|1\.) ")
 ITEM = re.compile(r"^( *)(?:[-*]|\d+\.) ")
@@ -221,7 +222,7 @@ def _render(source: Path, site: Path) -> None:
     )
     if done.returncode or not (source / "site/index.html").exists():
         said = f"{done.stdout}{done.stderr}".partition("Traceback")[0].strip()
-        raise SiteError(f"zensical did not build it:\n{said}")
+        raise SiteError(f"zensical did not build it:\n{COLOURS.sub('', said)}")
     (source / "site").rename(site)
 
 
