@@ -104,7 +104,9 @@ def stage(tree: Path, source: Path, ref: str) -> None:
     """
     shutil.rmtree(source, ignore_errors=True)
     shutil.copytree(tree / "docs", source / "pages", ignore=shutil.ignore_patterns("*.md"))
-    shutil.copytree(tree / "make/site", source / "pages/site")
+    for name in ("pages/site.css", "theme/main.html"):
+        (source / name).parent.mkdir(exist_ok=True)
+        shutil.copy(tree / "make/site" / Path(name).name, source / name)
     pages, address = pages_of(tree), address_of(tree)
     for page, name in pages.items():
         text = for_site((tree / page).read_text(), page, tree, pages, f"{address}/{{}}/{ref}")
