@@ -20,6 +20,7 @@ from yahboomd.cli.shared_options import (
 )
 from yahboomd.core.errors import ConfigError, LinkError, NoDaemon, PortBusy, YahboomdError
 from yahboomd.core.link.seize import Seized
+from yahboomd.core.program import STANDARD_PATH
 from yahboomd.tools.stop.stop_advice import (
     StopOptions,
     no_answer,
@@ -33,6 +34,7 @@ from yahboomd.tools.stop.stop_port import (
     port_of,
     print_report,
     seize_measured_ports,
+    seize_named,
     seize_noted,
     seize_noted_ports,
     seize_port,
@@ -176,11 +178,32 @@ def _status(stood: bool) -> int:
 
 
 def _direct(args: argparse.Namespace) -> bool:
+    # Also with --config, as a service stops: the board may have another name since then.
     seized = [] if args.port or args.overrides else seize_noted_ports()
-    if not seized:
+    named = [] if seized or _needs_no_configuration(args) else _seize_configured(args)
+    if not seized and not named:
         config = None if _needs_no_configuration(args) else _configuration(args)
         seized = [seize_port(args.port, config)]
-    return _print_reports(_on_ports(seized))
+    stood = _print_reports(_on_ports(seized or named))
+    if named:
+        _warn_of_mistakes(args)
+    return stood
+
+
+def _seize_configured(args: argparse.Namespace) -> list[Seized]:
+    """Seize the port that the configuration names, before the whole of it is checked."""
+    from yahboomd.tools.stop.named_port import named_port
+
+    path = args.config or (STANDARD_PATH if STANDARD_PATH.exists() else None)
+    found = named_port(path, os.environ, args.overrides, args.port or "")
+    return [] if found is None else [seize_named(found)]
+
+
+def _warn_of_mistakes(args: argparse.Namespace) -> None:
+    try:
+        read_config(args)
+    except ConfigError as error:
+        warn(f"{error}\nThis stop used nothing but the port.")
 
 
 def _bus(args: argparse.Namespace) -> bool:

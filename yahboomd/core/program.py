@@ -47,6 +47,9 @@ COMMANDS = {
 STANDARD_LISTEN = "tcp/127.0.0.1:7448"
 """The endpoint on which a daemon listens by default; commands connect to it."""
 
+STANDARD_PATH = Path("/etc/yahboomd/config.toml")
+"""The configuration that is read if no file is named, and it exists."""
+
 _PASTED = re.compile(rf"(?<![\w/.-])yahboomd (?=(?:{'|'.join(COMMANDS)})\b)")
 
 

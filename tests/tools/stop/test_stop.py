@@ -175,15 +175,23 @@ def test_a_broken_configuration_does_not_keep_the_wheels_turning(
     assert board.stands
     words = capsys.readouterr().err
     assert "serial.baud" in words
-    assert "Stopping with the defaults" in words
+    assert "This stop used nothing but the port" in words
 
 
-def test_the_port_of_the_configuration_is_taken(simulated_board) -> None:
+def test_the_port_of_the_configuration_is_taken_whatever_is_wrong_with_the_rest(
+    simulated_board, tmp_path: Path, capsys
+) -> None:
     board = simulated_board()
-    board.drive()
-    board.kill_owner()
-    assert main(["stop", "--direct", "--set", f"serial.port={board.port}"]) == 0
-    assert board.stands
+    config = tmp_path / "robot.toml"
+    config.write_text(f'[serial]\nport = "{board.port}"\n[zenoh]\nlisten = 5\n')
+    for options in (["--set", f"serial.port={board.port}"], ["--config", str(config)]):
+        board.drive()
+        board.kill_owner()
+        assert main(["stop", "--direct", *options]) == 0
+        assert board.stands
+    words = capsys.readouterr().err
+    assert words.count("zenoh.listen") == 1
+    assert "This stop used nothing but the port" in words
 
 
 def test_wheels_that_something_else_turns_end_with_1(simulated_board, capsys) -> None:

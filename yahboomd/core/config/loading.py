@@ -14,12 +14,10 @@ from yahboomd.core.config.models import Config, calibration_path
 from yahboomd.core.config.rules import Finding, findings
 from yahboomd.core.config.values import Place, dotted
 from yahboomd.core.errors import ConfigError
+from yahboomd.core.program import STANDARD_PATH
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
-
-STANDARD_PATH = Path("/etc/yahboomd/config.toml")
-"""Read if no file is named, and it exists."""
 
 
 @dataclass(frozen=True)

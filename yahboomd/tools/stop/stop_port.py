@@ -31,6 +31,7 @@ from yahboomd.tools.stop.unresponsive import (
 if TYPE_CHECKING:
     from yahboomd.core.config import Config
     from yahboomd.core.link.takeover import TakeoverReport
+    from yahboomd.tools.stop.named_port import NamedPort
     from yahboomd.tools.stop.stop_local import LocalDaemon
 
 MEASURING_ENDS_WITHIN_S = 10.0
@@ -181,6 +182,20 @@ def seize_port(
             "rts": config.serial.rts,
             "hangup_on_close": config.serial.hangup_on_close,
         }
+    return _seize(path, options, patience_s, asked)
+
+
+def seize_named(named: NamedPort) -> Seized:
+    """The same, for a port whose configuration was not checked yet.
+
+    Raises:
+        LinkError: It cannot be opened.
+    """
+    options = named._asdict()
+    return _seize(options.pop("port"), options, PATIENCE_S, ())
+
+
+def _seize(path: str, options: dict[str, Any], patience_s: float, asked: tuple[str, ...]) -> Seized:
     try:
         try:
             return seize(path, **options, patience_s=patience_s)
