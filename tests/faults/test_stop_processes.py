@@ -655,7 +655,8 @@ def test_a_direct_stop_stops_the_killed_daemons_board_and_leaves_a_living_neighb
         assert str(local_robot.port) in ran.output
         assert str(neighbour.port) not in ran.output
         local_robot.settled_truth()
-        assert turning(neighbour)
+        # A busy machine may have starved it for a moment; an emergency stop would have kept it.
+        driven(neighbour)
 
 
 def test_a_daemon_that_waits_for_the_port_of_another_need_not_show_standing_wheels(
@@ -690,7 +691,7 @@ def test_a_named_port_stops_no_daemon_on_another_port(local_robot: RealRobot) ->
             ran = Process(*arguments, environ=local_robot.environ)
             # It takes that port, and no board answers there.
             assert ran.end_by_itself() == 1, ran.output
-            assert turning(local_robot)
+            driven(local_robot)
     finally:
         os.close(board)
         os.close(port)

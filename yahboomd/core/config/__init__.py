@@ -5,7 +5,7 @@
 reference page is written from them.
 """
 
-from yahboomd.core.config.loading import STANDARD_PATH, Loaded, read, read_foreign
+from yahboomd.core.config.loading import Loaded, read, read_foreign
 from yahboomd.core.config.models import Config, runtime_folder
 
-__all__ = ["STANDARD_PATH", "Config", "Loaded", "read", "read_foreign", "runtime_folder"]
+__all__ = ["Config", "Loaded", "read", "read_foreign", "runtime_folder"]
