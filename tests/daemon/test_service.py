@@ -24,6 +24,7 @@ from yahboomd.core.bus import keys
 from yahboomd.core.bus.publishers import PRIORITIES, BusPublisher
 from yahboomd.core.clock import Schedule, SystemClock
 from yahboomd.core.config import read
+from yahboomd.core.daemon.black_box import MakesBlackBox
 from yahboomd.core.daemon.logs import PatientHandler
 from yahboomd.core.daemon.planes import Plane
 from yahboomd.core.daemon.service import Daemon
@@ -44,6 +45,7 @@ class Running:
         folder: Path,
         environ: Mapping[str, str] = MappingProxyType({}),
         planes: Sequence[Plane] = (Ros2Plane(),),
+        black_box: MakesBlackBox = BoxKeeper,
     ) -> None:
         self.endpoint = free_endpoint()
         self.robot = SimulatedRobot()
@@ -62,7 +64,7 @@ class Running:
         self.daemon = Daemon(
             self.config,
             environ=environ,
-            black_box=BoxKeeper,
+            black_box=black_box,
             planes=planes,
             clock=SystemClock(),
             opener=self.open,
@@ -269,6 +271,31 @@ async def test_a_plane_that_does_not_start_is_reported_and_the_wheels_follow_and
         assert "The start for the test: RuntimeError: no such graph" in status["recorders_off"]
         # The next one was started.
         assert [name for name, _ in running.daemon._planes._started] == ["ROS 2"]
+    finally:
+        await running.end()
+
+
+async def test_a_black_box_that_cannot_be_made_is_reported_and_the_wheels_follow_and_stop(
+    tmp_path: Path,
+) -> None:
+    def broken(*_: object) -> NoReturn:
+        raise RuntimeError("no memory that outlives the process")
+
+    running = Running(tmp_path, black_box=broken)
+    session = await running.listen()
+    try:
+        await running.state("standing")
+        await running.drive()
+        await follow_and_stop(running)
+        status = running.decoded("status")[-1]["command"]
+        assert (status["recorder_failures"], status["blackbox_recording"]) == (1, 0)
+        assert "The black box: RuntimeError: no memory" in status["recorders_off"]
+        (reply,) = await asyncio.to_thread(
+            lambda: list(session.get("bot1/yahboomd/blackbox/save", payload=b"{}"))
+        )
+        answer = json.loads(bytes(reply.ok.payload))
+        assert not answer["success"]
+        assert "No black box could be made" in answer["message"]
     finally:
         await running.end()
 

@@ -8,10 +8,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Protocol
 
+from msgspec import structs
+
 from yahboomd.core.clock import Clock
 from yahboomd.core.config import Config
 from yahboomd.core.daemon.recorders import Recorders
-from yahboomd.core.link.tap import Tap
+from yahboomd.core.link.tap import NO_TAP, Tap
 from yahboomd.core.messages.native import ServiceReply, StatusSample
 from yahboomd.core.model import STANDSTILL, Event, Twist2d
 from yahboomd.core.odometry.odometer import Odometer, OdometerSettings
@@ -59,6 +61,33 @@ class KeptBox(Protocol):
         Args:
             error: The fault that ends the daemon; None for a normal end.
         """
+
+
+class NoBlackBox:
+    """In the place of one that could not be made."""
+
+    recorder = None
+    tap = NO_TAP
+
+    def odometer(self, settings: OdometerSettings) -> Odometer:
+        return Odometer(**structs.asdict(settings))
+
+    def event(self, event: Event) -> None:
+        pass
+
+    def status(self, sample: StatusSample) -> None:
+        pass
+
+    def status_values(self) -> Mapping[str, Any]:
+        return {"blackbox_recording": 0, "blackbox_saving": 0}
+
+    async def save_now(self) -> ServiceReply:
+        return ServiceReply(
+            success=False, message="No black box could be made: see recorders_off in the status."
+        )
+
+    def close(self, error: BaseException | None) -> None:
+        pass
 
 
 class MakesBlackBox(Protocol):

@@ -16,7 +16,7 @@ from yahboomd.core.bus.publishers import BusPublisher
 from yahboomd.core.clock import Clock, SystemClock, nanoseconds
 from yahboomd.core.config import Config, runtime_folder
 from yahboomd.core.daemon import assembly
-from yahboomd.core.daemon.black_box import NAME, MakesBlackBox
+from yahboomd.core.daemon.black_box import NAME, KeptBox, MakesBlackBox, NoBlackBox
 from yahboomd.core.daemon.bus_presence import BusPresence
 from yahboomd.core.daemon.commands import ClockWatch, CommandIntake, PoseIntake
 from yahboomd.core.daemon.control import Controller
@@ -164,7 +164,9 @@ class Daemon:
             motor_names=tuple(motor.name for motor in config.motors()),
         )
         latch = self._latch = assembly.latch(config, clock, self._environ)
-        box = self._box = self._make_box(config, clock, self._environ, recorders)
+        made = recorders.call(NAME, self._make_box, config, clock, self._environ, recorders)
+        box: KeptBox = made or NoBlackBox()
+        self._box = box
         controller = assembly.controller(
             config,
             clock,
