@@ -149,6 +149,7 @@ def test_on_its_side_the_pad_is_whole_and_still_and_the_stop_is_pressed_in_every
 ) -> None:
     page.resize(*size, phone=True)
     enlarge(page, percent)
+    page.until("document.querySelector('.pad').clientWidth > 199")
     stop, pad = box(page, "#estop"), None
     for engaged in (False, True):
         for view in VIEWS[1:]:
