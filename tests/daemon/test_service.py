@@ -29,6 +29,7 @@ from yahboomd.core.daemon.logs import PatientHandler
 from yahboomd.core.daemon.planes import Plane
 from yahboomd.core.daemon.service import Daemon
 from yahboomd.core.errors import BusError
+from yahboomd.core.model import STANDING_M_S
 from yahboomd.ros2.ros2_plane import Ros2Plane
 from yahboomd.simulation.memory import MemoryPort
 from yahboomd.simulation.robot import SimulatedRobot
@@ -245,7 +246,8 @@ async def test_what_only_records_may_fail_and_the_wheels_follow_and_stop(
     daemon.stop("the test")
     await running.task
     assert daemon.left_standing
-    assert fastest_m_s(running) == 0.0
+    # It drove until the end, which waits until the wheels are measured to stand, and no longer.
+    assert fastest_m_s(running) < STANDING_M_S
     # A ring that is left tells the next start that this daemon was killed.
     assert not ring.exists()
 
