@@ -112,7 +112,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _recover(folder: Path | None, *, as_json: bool) -> int:
-    from yahboomd.tools.record.recording import recover
+    from yahboomd.tools.record.bus_recorder import recover
 
     if folder is None:
         print("yahboomd record: error: --recover takes the FOLDER of a recording", file=sys.stderr)
@@ -125,7 +125,7 @@ def _recover(folder: Path | None, *, as_json: bool) -> int:
 
 
 async def _record(robot: AsyncRobot, args: argparse.Namespace) -> int:
-    from yahboomd.tools.record.recording import RecordingEnd, record
+    from yahboomd.tools.record.bus_recorder import RecordingEnd, record
 
     folder = args.folder or Path(f"robot-{datetime.datetime.now().astimezone():%Y-%m-%d-%H%M%S}")
 

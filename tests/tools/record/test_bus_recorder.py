@@ -11,9 +11,9 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from yahboomd.core.bus.subscriptions import Arrival
+from yahboomd.tools.record.bus_recorder import TopicRecorder
 from yahboomd.tools.record.mcap_files import McapFiles
 from yahboomd.tools.record.recorded_topics import Recorded
-from yahboomd.tools.record.recording import TopicRecorder
 
 
 def arrival(payload: bytes, dropped: int = 0, arrived_ns: int = 0) -> Arrival:
