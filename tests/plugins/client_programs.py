@@ -6,6 +6,7 @@ the sources. A language that cannot be built here is skipped with the name of th
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import os
 import shutil
@@ -90,10 +91,14 @@ def oldest_python() -> Path:
         raise Missing("there is no python3.10 here")
     folder = CACHE / "python310"
     made, wanted = folder / "made", (ROOT / "pyproject.toml").read_text()
-    if not made.exists() or made.read_text() != wanted:
-        _run(works[0], "-m", "venv", "--clear", folder, cwd=ROOT)
-        _run(folder / "bin/pip", "install", "-q", ROOT, cwd=ROOT)
-        made.write_text(wanted)
+    CACHE.mkdir(parents=True, exist_ok=True)
+    # Tests of several processes ask for it at once.
+    with (CACHE / "python310.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not made.exists() or made.read_text() != wanted:
+            _run(works[0], "-m", "venv", "--clear", folder, cwd=ROOT)
+            _run(folder / "bin/pip", "install", "-q", ROOT, cwd=ROOT)
+            made.write_text(wanted)
     return folder / "bin" / "python"
 
 
