@@ -102,9 +102,11 @@ class Peer:
     def _read(self) -> None:
         assert self.process.stdout is not None
         for line in self.process.stdout:
-            with self.news:
-                self.events.append(json.loads(line))
-                self.news.notify_all()
+            # One that is ended in the middle of a line leaves a part of it.
+            if line.endswith("\n"):
+                with self.news:
+                    self.events.append(json.loads(line))
+                    self.news.notify_all()
         with self.news:
             self.news.notify_all()
 
