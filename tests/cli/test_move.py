@@ -108,7 +108,7 @@ def test_the_bar_shows_what_is_left() -> None:
 @pytest.fixture
 async def served(fake_daemon: Callable[..., Any]) -> AsyncIterator[tuple[str, FakeMoves]]:
     daemon = await fake_daemon()
-    bus = Bus(BusOptions(connect=(daemon.endpoint,)))
+    bus = Bus(BusOptions(listen=(), connect=(daemon.endpoint,)))
     await bus.open()
     yield daemon.endpoint, FakeMoves(bus)
     await bus.close()
