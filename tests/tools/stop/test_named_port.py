@@ -67,6 +67,14 @@ def test_what_is_not_plain_is_left_to_the_whole_check(tmp_path: Path, text: str 
     assert named_port(at(tmp_path / "robot.toml", text), {}, []) is None
 
 
+@pytest.mark.parametrize("override", ['serial."port"=/dev/b', "'serial'.port=/dev/b", "serial=5"])
+def test_a_setting_that_is_not_plain_is_left_to_the_whole_check(
+    tmp_path: Path, override: str
+) -> None:
+    """The port of the file, which it may replace, would be that of another board."""
+    assert named_port(at(tmp_path / "robot.toml", FILE), {}, [override]) is None
+
+
 def test_a_pipe_in_the_place_of_the_file_holds_up_no_stop(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "robot.toml")
     assert named_port(tmp_path / "robot.toml", {}, []) is None

@@ -51,6 +51,9 @@ def named_port(
     for override in overrides:
         if found := SETTING.fullmatch(override):
             values[found["key"]] = _value(found["value"])
+        elif "serial" in override.partition("=")[0]:
+            # Such as one with quotes, which may name another port.
+            return None
     if port:
         values["port"] = port
     named = NamedPort()._replace(
