@@ -1,4 +1,4 @@
-"""One file with what somebody who helps has to know: what the person's own commands print."""
+"""Writes one file for somebody who helps: the output of the commands that a person would run."""
 
 from __future__ import annotations
 
