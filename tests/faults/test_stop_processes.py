@@ -52,13 +52,14 @@ def driver(endpoint: str, key: str = "cmd_vel") -> Iterator[subprocess.Popen[byt
         process.stdout.close()
 
 
-def turning(robot: RealRobot, since_ns: int = 0) -> bool:
+def turning(robot: RealRobot, since_ns: int = 0, above_m_s: float = 0.3) -> bool:
     samples = [each for each in robot.truth()[-5:] if each.t_ns >= since_ns]
-    return len(samples) == 5 and all(min(each.speed_m_s) > 0.3 for each in samples)
+    return len(samples) == 5 and all(min(each.speed_m_s) > above_m_s for each in samples)
 
 
 def driven(robot: RealRobot, since_ns: int = 0) -> None:
-    wait_for(lambda: turning(robot, since_ns), "the wheels turn")
+    """Wait until the wheels have their speed: a daemon frozen in its ramp keeps a lower one."""
+    wait_for(lambda: turning(robot, since_ns, above_m_s=0.37), "the wheels turn at 0.4 m/s")
 
 
 def stands(robot: RealRobot) -> bool:
