@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from yahboomd.core.names import (
+    camera_problem,
     endpoint_problem,
     host_and_port,
     is_local,
@@ -76,6 +77,59 @@ def test_endpoints_that_zenoh_takes_are_taken(endpoint):
 )
 def test_endpoints_that_zenoh_cannot_use_are_refused(endpoint):
     assert endpoint_problem(endpoint)
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        "",
+        "http://127.0.0.1:8080/stream",
+        "http://localhost:8080/?action=stream",
+        "http://127.0.0.1:1984/api/stream.mjpeg?src=design",
+        "http://esp32-cam.local",
+        "http://[fd00::1]:81/stream",
+    ],
+)
+def test_addresses_of_cameras_are_taken(address):
+    assert camera_problem(address) is None
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        "127.0.0.1:8080",
+        "https://127.0.0.1/stream",
+        "file:///etc/passwd",
+        "http://",
+        "http://robot:65536/stream",
+        "http://robot:/stream",
+        "http://robot/a b",
+        "http://robot/a\r\nHost: x",
+        "http://robot/a\n",
+        "http://robot/#part",
+        "http://r\u00f6bot/",
+        "http://\u0661.1.1.1/",
+        "http://robot/\udcff",
+    ],
+)
+def test_what_names_no_camera_is_refused(address):
+    assert "not of the form" in str(camera_problem(address))
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        "http://me:hunter2@robot/stream",
+        "https://me:hunter2@robot/stream",
+        "http://robot/stream?user=me&password=hunter2",
+        "http://robot/stream?access_token=hunter2",
+        "http://robot/stream?API_KEY=hunter2",
+    ],
+)
+def test_a_secret_in_the_address_of_a_camera_is_refused_and_not_repeated(address):
+    problem = str(camera_problem(address))
+    assert "secret" in problem
+    assert "hunter2" not in problem
 
 
 @pytest.mark.parametrize(

@@ -58,6 +58,20 @@ def test_a_mistake_says_what_was_expected_and_what_was_found(complaints, text, w
 
 
 @pytest.mark.parametrize(
+    "text",
+    [
+        "[web]\ncamera = 'http://me:hunter2@robot/stream'\n",
+        "[web]\ncamera = 'http://robot/stream?token=hunter2'\n",
+        "[zenoh]\nlisten = ['tls/robot:7447#password=hunter2']\n",
+    ],
+)
+def test_a_secret_in_an_address_is_refused_and_not_repeated(complaints, text):
+    (mistake,) = complaints(text)
+    assert "a secret" in mistake
+    assert "hunter2" not in mistake
+
+
+@pytest.mark.parametrize(
     ("value", "words"),
     [
         (True, "true"),

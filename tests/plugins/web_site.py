@@ -136,6 +136,7 @@ class Site:
         clock: SystemClock | None = None,
         namespace: str = "",
         folder: Path = FOLDER,
+        camera: str = "",
     ) -> None:
         clock = clock or SystemClock()
         self._listener = listen("127.0.0.1", 0)
@@ -152,6 +153,7 @@ class Site:
             robot=(f"--connect={endpoint}", *files),
             recordings=state / "recordings",
             load=lambda: read(None, environ={}, overrides=overrides),
+            camera=camera,
         )
         self.hub = PageHub(client_options(endpoint, namespace=namespace), clock, tools)
         application = WebApplication(

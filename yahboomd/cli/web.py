@@ -158,6 +158,7 @@ def run(args: argparse.Namespace) -> int:
             robot=robot_arguments(args),
             recordings=folder / "recordings",
             load=lambda: read_config(args),
+            camera=loaded.config.web.camera,
         ),
     )
     return asyncio.run(_serve(setup))

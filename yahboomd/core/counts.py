@@ -85,7 +85,6 @@ class CountHistory:
         return self._readings[-1].latest_ns if self._readings else None
 
     def clear(self) -> None:
-        """Start again: the motion since is unknown."""
         self._readings.clear()
 
     def add(self, at_ns: int, totals: tuple[int, ...], earliest_ns: int | None = None) -> None:
@@ -101,7 +100,6 @@ class CountHistory:
             readings.popleft()
 
     def drop_latest(self) -> None:
-        """Discard the latest reading: it was wrong."""
         if self._readings:
             self._readings.pop()
 

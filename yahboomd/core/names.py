@@ -12,6 +12,10 @@ PAGE_SOURCE = "cmd_vel/web"
 """The key on which the page commands."""
 
 _ENDPOINT = re.compile(r"(?P<protocol>[^/]+)/(?P<address>[^?#\s]+)(\?[^#\s]*)?(#\S*)?")
+_CAMERA = re.compile(
+    r"http://(\[[\da-fA-F:.]+\]|[\w.-]+)(:(?P<port>[0-9]{1,5}))?(/[!$-~]*)?", re.ASCII
+)
+_SECRET = re.compile("(?i)//[^/]*@|[?&][^=&]*(pass|pwd|token|secret|key|auth|cred)[^=&]*=")
 _ADDRESS = re.compile(r"(?P<host>\[[0-9A-Fa-f:.%a-z]+\]|[^:\[\]/]+):(?P<port>[0-9]{1,5})")
 
 # Zenoh's rules for a key without wildcards: chunks that are not empty, none of `*`, `$`, `?`, `#`.
@@ -63,6 +67,16 @@ def endpoint_problem(endpoint: str) -> str | None:
     if found is None:
         return "its address is not host:port, such as 127.0.0.1:7447 or [::1]:7447"
     return None if found[1] <= 65535 else f"{found[1]} is not a port from 0 to 65535"
+
+
+def camera_problem(address: str) -> str | None:
+    """The reason why a camera's ``address`` cannot be used; None if it can, or is empty."""
+    if _SECRET.search(address):
+        return "a secret cannot stand in this address, which is published: serve it without one"
+    found = _CAMERA.fullmatch(address)
+    if address and (found is None or int(found["port"] or 80) > 65535):
+        return "it is not of the form http://host:port/path, such as http://127.0.0.1:8080/stream"
+    return None
 
 
 def host_and_port(endpoint: str) -> tuple[str, int] | None:

@@ -84,7 +84,6 @@ def name() -> str:
 
 
 def _from_here(path: Path) -> Path:
-    """The path relative to the current folder, if it is below it."""
     try:
         here = Path.cwd()
     except OSError:

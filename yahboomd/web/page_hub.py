@@ -18,6 +18,7 @@ from yahboomd.core.messages.codecs import encode
 from yahboomd.core.messages.native import EventSample
 from yahboomd.core.model import Twist2d, velocity_problem
 from yahboomd.web.beats import LAPSE_NS, PERIOD_NS, Beats
+from yahboomd.web.camera_feed import CameraFeed
 from yahboomd.web.page_calibration import FORMS
 from yahboomd.web.page_commands import LATE, NOT_YOURS, Aim, PageCommands, PageRefusal, Wanted
 from yahboomd.web.page_frames import (
@@ -100,6 +101,7 @@ class PageHub:
             happened=self._event_came,
         )
         self.moves = PageMoves(self.robot, lambda: self._show({"move": self.moves.shown()}))
+        self.camera = CameraFeed(settings.camera, clock) if settings.camera else None
         self._aims = False
         self._has_moves = False
         self._commands = PageCommands(
@@ -357,6 +359,7 @@ class PageHub:
             no_moves="" if self._has_moves else NO_MOVES.text,
             lapse_ms=LAPSE_NS // NS_PER_MS,
             source=self.robot.source,
+            camera=self.camera is not None,
             views=VIEWS,
             calibrations=FORMS,
         )

@@ -22,11 +22,13 @@ class ToolSettings(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         robot: Options with the daemon's address, for every command that talks to it.
         load: Reads the configuration of the robot's machine anew.
+        camera: The address of the robot's camera; empty if it has none.
     """
 
     robot: tuple[str, ...]
     recordings: Path
     load: Callable[[], Loaded]
+    camera: str = ""
 
 
 class PageTools:

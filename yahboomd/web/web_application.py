@@ -18,6 +18,7 @@ from starlette.websockets import WebSocket
 
 from yahboomd.core.clock import Clock
 from yahboomd.core.messages.status_fields import FIELDS, StatusField
+from yahboomd.web.camera_viewers import CameraViewers
 from yahboomd.web.entry_tokens import Tokens
 from yahboomd.web.page_downloads import Downloads
 from yahboomd.web.page_files import PageFile
@@ -95,6 +96,9 @@ class WebApplication:
             *Downloads(hub.tools, self._role).routes,
             WebSocketRoute("/ws", self._page),
         ]
+        if hub.camera is not None:
+            self._viewers = CameraViewers(hub.camera, clock)
+            routes.append(WebSocketRoute("/camera", self._camera))
         self.asgi: ASGIApp = OriginGuard(Starlette(routes=routes), origin)
 
     def _role(self, connection: HTTPConnection) -> Role | None:
@@ -173,6 +177,13 @@ class WebApplication:
             return
         await socket.accept()
         await self._hub.attend(socket, role)
+
+    async def _camera(self, socket: WebSocket) -> None:
+        if self._role(socket) is None:
+            await socket.send_denial_response(_json(401, text=NO_SESSION))
+            return
+        await socket.accept()
+        await self._viewers.attend(socket, lambda: self._role(socket))
 
 
 class OriginGuard:

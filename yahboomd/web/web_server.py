@@ -53,6 +53,15 @@ BACKLOG = 1024
 FILES = 4096
 """Open files: each connection costs one, also during its TLS handshake."""
 
+VANISHED_MS = 20_000
+"""Time for a page to acknowledge data, or the kernel closes its connection."""
+
+BACKGROUND = {
+    socket.AF_INET: (socket.IPPROTO_IP, socket.IP_TOS, 0x20),
+    socket.AF_INET6: (socket.IPPROTO_IPV6, socket.IPV6_TCLASS, 0x20),
+}
+"""The socket option, by family, of the lowest priority (DSCP CS1)."""
+
 TCP_NOTSENT_LOWAT = 25
 """Of linux/tcp.h."""
 
@@ -232,6 +241,13 @@ class CountedConnection(H11Protocol):
     def handle_websocket_upgrade(self, event: h11.Request) -> None:
         """Become a page, which has its own limits."""
         self._leave()
+        own = self.transport.get_extra_info("socket")
+        with contextlib.suppress(OSError):
+            # A page that vanished keeps no picture in memory for long.
+            own.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, VANISHED_MS)
+            if event.target.startswith(b"/camera"):
+                # Radios and routers send beats and commands first.
+                own.setsockopt(*BACKGROUND[own.family])
         super().handle_websocket_upgrade(event)
 
     def send_400_response(self, msg: str) -> None:

@@ -215,7 +215,6 @@ class Bus:
         express: bool = False,
         cache: int = 0,
     ) -> BusPublisher:
-        """Declare a publisher; see :class:`BusPublisher`."""
         self.inbox()
         return self.declare(
             BusPublisher(

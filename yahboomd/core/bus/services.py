@@ -185,7 +185,6 @@ class Service:
         )
 
     def handle(self, batch: list[Pending], _lost: int) -> None:
-        """Answer a batch; on the loop."""
         for pending in batch:
             self._handle(pending)
 

@@ -130,7 +130,6 @@ def read_foreign(data: object, owner: str) -> Config:
 
 
 def _calibrate(layers: Layers, config: Config, path: Path) -> str:
-    """Take the calibration in a file, or return why it is ignored."""
     from yahboomd.core.config.calibration_file import difference, read_calibration
 
     try:

@@ -28,12 +28,12 @@ def place_of(error: ErrorDetails) -> Place:
 
 
 def words_for(error: ErrorDetails) -> str:
-    """Describe the expected value at the place of an error, and the present one."""
     place, value = place_of(error), error["input"]
     if error["type"] == "unexpected_keyword_argument":
         return _unknown(place)
     if error["type"] == "text":
-        return f"{error['msg']}, got {shown(value)}"
+        # A secret is not repeated: this may go into a log.
+        return error["msg"] + ("" if "a secret" in error["msg"] else f", got {shown(value)}")
     takes = schema.takes(schema.node_at(place))
     if error["type"] == "missing":
         return f"missing; expected {takes}"
@@ -46,7 +46,6 @@ def words_for(error: ErrorDetails) -> str:
 
 
 def shown(value: object) -> str:
-    """A value as TOML writes it, cut if it is long."""
     try:
         text = inline(value)
     except (ValueError, RecursionError):

@@ -19,7 +19,7 @@ from yahboomd.core.config.hardware import (
     Serial,
     preset_motors,
 )
-from yahboomd.core.config.outputs import BlackBox, Log, Odometry, Ros2, Zenoh
+from yahboomd.core.config.outputs import BlackBox, Log, Odometry, Ros2, Web, Zenoh
 from yahboomd.core.config.values import Section, key
 from yahboomd.core.drive import arbitration
 from yahboomd.core.drive.kinematics import KINEMATICS, STEERING_MAX_RAD, unit_geometry
@@ -53,6 +53,7 @@ class Config(Section):
     faults: Faults = key(default=Faults(), description="The faults.")
     estop: Estop = key(default=Estop(), description="The emergency stop.")
     blackbox: BlackBox = key(default=BlackBox(), description="The black box.")
+    web: Web = key(default=Web(), description="The page for the phone.")
     log: Log = key(default=Log(), description="The log.")
 
     def resolved(self) -> Config:

@@ -1,4 +1,4 @@
-"""The sections on output: odometry, Zenoh, ROS 2, log."""
+"""The sections on output: odometry, Zenoh, ROS 2, page, log."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import Literal
 
 from yahboomd.core.config.values import (
     AbsolutePath,
+    Camera,
     Endpoint,
     Frame,
     FramePrefix,
@@ -187,6 +188,15 @@ class BlackBox(Section):
     folder: AbsolutePath = key(
         default="",
         description="Folder of the saved boxes. Empty: blackbox in the state directory.",
+    )
+
+
+class Web(Section):
+    """The page for the phone, which `yahboomd web` serves."""
+
+    camera: Camera = key(
+        default="",
+        description="Where the robot's camera is served as MJPEG, over plain HTTP. Empty: none.",
     )
 
 

@@ -26,7 +26,13 @@ from typing import (
 
 import msgspec
 
-from yahboomd.core.names import PROTOCOLS, endpoint_problem, is_ros_name, name_problem
+from yahboomd.core.names import (
+    PROTOCOLS,
+    camera_problem,
+    endpoint_problem,
+    is_ros_name,
+    name_problem,
+)
 
 if TYPE_CHECKING:
     from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, TypeAdapter
@@ -254,6 +260,9 @@ Endpoint: TypeAlias = Annotated[
         f"(protocols: {', '.join(PROTOCOLS)})",
         endpoint_problem,
     ),
+]
+Camera: TypeAlias = Annotated[
+    str, Checked('an address such as "http://127.0.0.1:8080/stream", or ""', camera_problem)
 ]
 _FRAME = r"[A-Za-z0-9_][A-Za-z0-9_/.-]*"
 Frame: TypeAlias = Annotated[

@@ -72,7 +72,6 @@ class PatientHandler(logging.Handler):
             return False
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Queue a line; never waits."""
         try:
             self._lines.put_nowait(self.format(record) + "\n")
         except queue.Full:

@@ -196,7 +196,6 @@ class Notifier:
         self._send("READY=1")
 
     def stopping(self) -> None:
-        """Report that the end has begun."""
         self._send("STOPPING=1")
 
     def status(self, words: str) -> None:

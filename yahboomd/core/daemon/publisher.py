@@ -212,7 +212,6 @@ class Publisher:
         return stamp_ns
 
     def imu(self, estimate: ImuEstimate) -> int:
-        """Publish a sample of the inertial sensor; returns its stamp."""
         stamp_ns = estimate.stamp_ns + self._stamps.follow()
         if 0 <= self._imu_ns - stamp_ns < nanoseconds(STEP_S):
             stamp_ns = self._imu_ns + 1
@@ -231,7 +230,6 @@ class Publisher:
         return stamp_ns
 
     def battery(self, volts: float) -> int:
-        """Publish the voltage; returns its stamp."""
         stamp_ns = self._stamps.now()
         sample = BatterySample(stamp_ns=stamp_ns, volts=volts)
         self._newest[keys.BATTERY] = lambda: sample

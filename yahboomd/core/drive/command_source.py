@@ -67,7 +67,6 @@ class CommandSource:
         return age if verdict == "pass" else verdict
 
     def feed(self, twist: Twist2d, given_ns: int) -> None:
-        """Accept a command, given at ``given_ns``."""
         self.wish = twist
         self.deadman.feed(given_ns)
 

@@ -34,7 +34,6 @@ class Deadman:
         return None if self._given_ns is None else self._given_ns + self.timeout_ns
 
     def feed(self, given_ns: int) -> None:
-        """Take over a command, given at ``given_ns``."""
         self._given_ns = given_ns
 
     def clear(self) -> None:
@@ -42,7 +41,6 @@ class Deadman:
         self._given_ns = None
 
     def age_ns(self, now_ns: int) -> int | None:
-        """The age of the command; ``None`` without one."""
         return None if self._given_ns is None else now_ns - self._given_ns
 
     def expired(self, now_ns: int) -> bool:

@@ -146,7 +146,6 @@ class StopWatch:
         )
 
     def _after_cut(self, now_ns: int) -> Fault | None:
-        """The fault of a wheel that turns on after its cut; once."""
         cut_ns = self._cut_ns
         if cut_ns is None or now_ns - cut_ns < ROLLS_NS or len(self._latest) < 2:
             return None

@@ -28,7 +28,6 @@ class SlidingMinimum:
         self._minima.append((index, value))
 
     def smallest(self, now_ns: int) -> int | None:
-        """The smallest value; ``None`` if there is none."""
         self._forget(now_ns)
         return min((value for _, value in self._minima), default=None)
 
@@ -50,7 +49,6 @@ class SlidingCounts:
         self._slices: deque[tuple[int, Counter[str]]] = deque()
 
     def add(self, now_ns: int, what: str) -> None:
-        """Count ``what`` at ``now_ns``."""
         self._forget(now_ns)
         index = now_ns // self._slice_ns
         if not self._slices or self._slices[-1][0] != index:

@@ -107,7 +107,6 @@ class ConnectedBoard:
 
     @property
     def cuts(self) -> bool:
-        """Whether its dialect can release the motors."""
         return self._dialect.cut is not None
 
     def rearm(self) -> None:

@@ -71,7 +71,6 @@ def holders(path: str) -> tuple[str, ...]:
 
 
 def lost(path: str, error: Exception | None) -> PortLost:
-    """The error to raise when the port went away."""
     words = "" if error is None else f" ({error})"
     return PortLost(
         f"{path}: the port went away{words}.",

@@ -147,12 +147,10 @@ def _note(place: str) -> PortNote | None:
 
 
 def text_of(note: PortNote | None) -> str:
-    """The note as text; empty for none."""
     return "" if note is None else json.dumps(note._asdict())
 
 
 def note_of(text: str | bytes) -> PortNote | None:
-    """The note of a text; None for any other text."""
     try:
         note = PortNote(**json.loads(text))
         if note.device is not None:

@@ -97,7 +97,6 @@ class Session:
 
     @property
     def port_name(self) -> str:
-        """The port, by name; empty before it is open."""
         return "" if self._line is None else self._line.port.name
 
     @property

@@ -176,7 +176,6 @@ def decode_command(payload: bytes) -> ReceivedCommand | Refusal:
 
 
 def decode_set_pose(payload: bytes) -> SetPoseRequest | Refusal:
-    """Reads the request of ``odometry/set_pose``, in JSON or MessagePack."""
     encoding = _admit(payload)
     if isinstance(encoding, Refusal):
         return encoding

@@ -51,7 +51,6 @@ class Envelope:
         self._low = (0, math.inf)
 
     def at(self, tick: int) -> float:
-        """The time of tick ``tick``."""
         return self._offset + tick * (self._period + self.drift)
 
     def reset(self) -> None:

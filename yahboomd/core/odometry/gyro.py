@@ -145,7 +145,6 @@ class Gyro:
 
     @property
     def believed(self) -> bool:
-        """Whether its integral continues without a gap."""
         return self.present and self.problem is None and self._good_since_ns is not None
 
     def turn(self, now_ns: int) -> GyroTurn:

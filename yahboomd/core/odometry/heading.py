@@ -159,7 +159,6 @@ class Heading:
 
     @property
     def present(self) -> bool:
-        """Whether the gyro ever sent a sample."""
         return self._gyro.present
 
     def rate(self, wheels_rad_s: float, variance: float) -> tuple[float, float]:
@@ -312,7 +311,6 @@ class Heading:
         return turned
 
     def _compare(self, wheels: float, gyro: float, slip: float, dt_s: float) -> None:
-        """Compare the turns of gyro and wheels over a second."""
         window = self._window
         window.wheels += wheels
         window.gyro += gyro
@@ -410,7 +408,6 @@ class Heading:
             rest.turned = rest.granted = 0.0
 
     def _report_problem(self) -> None:
-        """Count a problem of the gyro; its beginning and its end are events."""
         problem: Problem | None = self._gyro.problem
         if problem is None and (self._sign < 0 or self._doubted):
             problem = "implausible"

@@ -126,7 +126,6 @@ class Integrator:
         self._before = None
 
     def stand(self, step_ns: int) -> None:
-        """Take in a step without a count."""
         self._before = (0.0, 0.0, 0.0, step_ns)
 
     def state(self) -> State:

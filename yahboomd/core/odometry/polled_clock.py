@@ -68,7 +68,6 @@ class PolledClock:
         self._prompt = 0
 
     def guess_ns(self, reading: EncoderReading) -> int:
-        """The stamp of a line after a break."""
         return self._stamp(reading)
 
     def fresh(self, reading: EncoderReading) -> bool:  # noqa: ARG002

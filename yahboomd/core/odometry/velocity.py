@@ -95,7 +95,6 @@ class VelocityEstimator:
             self._history.add(self._time_ns, totals)
 
     def take_back(self) -> None:
-        """Drop the latest reading, which was wrong."""
         if self._kept:
             self._history.drop_latest()
 

@@ -75,8 +75,6 @@ class _Watch:
 
 
 class _Connection:
-    """A connection without a request yet."""
-
     def __init__(self, sock: socket.socket, peer: Peer) -> None:
         self.sock = sock
         self.peer = peer

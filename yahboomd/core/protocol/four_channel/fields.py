@@ -25,7 +25,6 @@ _VOLTS = re.compile(r"([0-9]{1,3}\.[0-9]{1,2})V")
 
 
 def integer(text: str) -> int | None:
-    """A decimal integer of 32 bits, or None."""
     if _INTEGER.fullmatch(text) is None:
         return None
     value = int(text)

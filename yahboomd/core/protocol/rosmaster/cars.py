@@ -196,7 +196,6 @@ def _check(
     targets: dict[int, list[float]],
     solved: list[list[float]],
 ) -> None:
-    """Refuse a geometry whose wheels the board would turn differently."""
     for axis, name in enumerate(("ahead", "sideways", "round")):
         wanted = [factors[axis] for factors in kinematics.inverse]
         goals = {at: _dot(target, wanted) for at, target in targets.items()}

@@ -1,0 +1,285 @@
+"""The robot's camera: one connection to the server of its MJPEG, for all pages that look.
+
+It is open only while a page looks. Only the newest picture is kept. A server that fails is asked
+again after a pause that grows to :data:`LONGEST_PAUSE_S`.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import re
+import socket
+from collections import Counter
+from collections.abc import Awaitable, Callable, Iterator
+
+import h11
+import msgspec
+
+from yahboomd.core.clock import Clock
+from yahboomd.web.mjpeg_parts import CameraRefusal, MjpegParts
+
+HEAD_S = 5.0
+"""Time to connect and for the answer's header."""
+
+PICTURE_S = 10.0
+"""Time for the next whole picture."""
+
+MAX_HEAD_BYTES = 16384
+CHUNK_BYTES = 65536
+
+UNREAD_BYTES = 262_144
+"""The receive buffer requested from the kernel: pictures in it are older than they seem."""
+
+MOST_PICTURES = 120
+MOST_BYTES = 32_000_000
+"""In a second. More is refused: reading slower would make pictures older than they seem."""
+
+REPEATS_NS = 1_000_000_000
+"""The time after which a repeated picture is reported."""
+
+PAUSE_S = 1.0
+LONGEST_PAUSE_S = 8.0
+
+_ADDRESS = re.compile(
+    r"http://(?P<authority>(?P<host>\[[^\]]*\]|[^:/]+)(:(?P<port>\d+))?)(?P<target>/.*)?"
+)
+
+Streams = tuple[asyncio.StreamReader, asyncio.StreamWriter]
+
+
+class Picture(msgspec.Struct, frozen=True):
+    """A picture of the camera.
+
+    Attributes:
+        number: Counts the new ones.
+        came_ns: When its last byte arrived, by the clock including suspends.
+    """
+
+    number: int
+    jpeg: bytes
+    came_ns: int
+
+
+class CameraFeed:
+    """One camera.
+
+    Args:
+        address: As `web.camera` has it.
+        connect: Opens a connection to a host and a port.
+
+    Attributes:
+        newest: The newest picture; None before the first since somebody looks.
+        problem: The reason why no picture comes, for people; empty while they come.
+        counts: ``pictures``, ``repeated`` (the same bytes again: not new), ``unusable`` (no JPEG
+            that a browser shows), ``connected``, and every cause of a lost connection.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        clock: Clock,
+        connect: Callable[[str, int], Awaitable[Streams]] | None = None,
+    ) -> None:
+        found = _ADDRESS.fullmatch(address)
+        assert found is not None, "a checked address"
+        self._host, self._port = found["host"].strip("[]"), int(found["port"] or 80)
+        self._authority, self._target = found["authority"], found["target"] or "/"
+        self._clock = clock
+        self._connect = connect or _open
+        self._changed = asyncio.Event()
+        self._looking = 0
+        self._following: asyncio.Task[None] | None = None
+        self._not_before_s = 0.0
+        self.newest: Picture | None = None
+        self.problem = ""
+        self.counts: Counter[str] = Counter()
+
+    @contextlib.contextmanager
+    def looked_at(self) -> Iterator[None]:
+        """Somebody looks meanwhile: the connection is open."""
+        self._looking += 1
+        if self._following is None:
+            self._following = asyncio.create_task(self._follow(), name="web-camera")
+        try:
+            yield
+        finally:
+            self._looking -= 1
+            if not self._looking:
+                self.close()
+
+    def close(self) -> None:
+        """End the connection, and forget the picture."""
+        if self._following is not None:
+            self._following.cancel()
+            self._following = None
+        self.newest = None
+
+    async def news(self, number: int, problem: str, wait_s: float) -> Picture | None:
+        """The newest picture if it is not that number; wait for one, or for another problem.
+
+        Returns:
+            None if none came in that time, or the problem changed.
+        """
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(wait_s):
+                while not self._is_newer(number) and self.problem == problem:
+                    await self._changed.wait()
+        return self.newest if self._is_newer(number) else None
+
+    def age_ns(self, picture: Picture) -> int:
+        """The time since it arrived."""
+        return self._now_ns() - picture.came_ns
+
+    def _is_newer(self, number: int) -> bool:
+        return self.newest is not None and self.newest.number != number
+
+    def _now_ns(self) -> int:
+        return self._clock.now_ns() + self._clock.suspended_ns()
+
+    def _tell(self) -> None:
+        """Wake everybody who waits for news."""
+        self._changed.set()
+        self._changed.clear()
+
+    def _report(self, words: str) -> None:
+        problem = f"The camera at {self._authority} {words}."
+        if problem != self.problem:
+            self.problem = problem
+            self._tell()
+
+    async def _follow(self) -> None:
+        loop = asyncio.get_running_loop()
+        pause_s = PAUSE_S
+        while True:
+            # Also if everybody looked away meanwhile: pages that come and go do not hurry it.
+            await asyncio.sleep(max(0.0, self._not_before_s - loop.time()))
+            before = self.counts["pictures"]
+            why = await self._refusal()
+            self.counts[why.cause] += 1
+            came = self.counts["pictures"] > before
+            pause_s = PAUSE_S if came else min(LONGEST_PAUSE_S, 2.0 * pause_s)
+            self._not_before_s = loop.time() + pause_s
+            self._report(f"{why.words}. It is asked again every few seconds")
+
+    async def _refusal(self) -> CameraRefusal:
+        """Pass pictures on until the connection ends; why it ended."""
+        try:
+            await self._receive()
+        except CameraRefusal as refusal:
+            return refusal
+        except TimeoutError:
+            return CameraRefusal("slow", "sends no whole picture in time")
+        except h11.RemoteProtocolError:
+            return CameraRefusal("not_http", "sends no proper answer of HTTP")
+        except OSError as error:
+            words = (error.strerror or str(error)).strip().rstrip(".")
+            return CameraRefusal("no_answer", f"does not answer: {words}")
+        except UnicodeError:
+            return CameraRefusal("no_answer", "has a name that no machine can have")
+        return _closed()
+
+    async def _receive(self) -> None:
+        loop = asyncio.get_running_loop()
+        async with asyncio.timeout(HEAD_S) as patience:
+            reader, writer = await self._connect(self._host, self._port)
+            try:
+                self.counts["connected"] += 1
+                http = h11.Connection(h11.CLIENT, max_incomplete_event_size=MAX_HEAD_BYTES)
+                writer.write(self._request(http))
+                parts = MjpegParts(_boundary(await _event(http, reader)))
+                patience.reschedule(loop.time() + PICTURE_S)
+                rate = _Rate()
+                while isinstance(event := await _event(http, reader), h11.Data):
+                    pictures = parts.feed(event.data)
+                    unusable, parts.unusable = parts.unusable, 0
+                    self.counts["unusable"] += unusable
+                    for picture in pictures:
+                        self._take(picture)
+                        patience.reschedule(loop.time() + PICTURE_S)
+                    rate.count(loop.time(), len(pictures) + unusable, len(event.data))
+            finally:
+                writer.transport.abort()
+
+    def _request(self, http: h11.Connection) -> bytes:
+        headers = [("Host", self._authority), ("Accept", "multipart/x-mixed-replace")]
+        request = h11.Request(method="GET", target=self._target, headers=headers)
+        return (http.send(request) or b"") + (http.send(h11.EndOfMessage()) or b"")
+
+    def _take(self, jpeg: bytes) -> None:
+        """Keep a picture if it is a new one, and tell everybody."""
+        if self.newest is not None and jpeg == self.newest.jpeg:
+            self.counts["repeated"] += 1
+            if self.age_ns(self.newest) > REPEATS_NS:
+                self._report("repeats one picture: nothing new comes")
+            return
+        self.counts["pictures"] += 1
+        self.newest = Picture(self.counts["pictures"], jpeg, self._now_ns())
+        self.problem = ""
+        self._tell()
+
+
+class _Rate:
+    """Refuses a stream that would keep the server busy."""
+
+    def __init__(self) -> None:
+        self._since_s = 0.0
+        self._pictures = self._bytes = 0
+
+    def count(self, now_s: float, pictures: int, size: int) -> None:
+        if now_s - self._since_s >= 1.0:
+            self._since_s, self._pictures, self._bytes = now_s, 0, 0
+        self._pictures += pictures
+        self._bytes += size
+        if self._pictures > MOST_PICTURES or self._bytes > MOST_BYTES:
+            raise CameraRefusal(
+                "flood",
+                f"sends more than {MOST_PICTURES} pictures or {MOST_BYTES // 1_000_000} MB in a "
+                "second: lower its rate or its size",
+            )
+
+
+async def _open(host: str, port: int) -> Streams:
+    reader, writer = await asyncio.open_connection(host, port, limit=CHUNK_BYTES)
+    own = writer.get_extra_info("socket")
+    own.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, UNREAD_BYTES)
+    return reader, writer
+
+
+async def _event(http: h11.Connection, reader: asyncio.StreamReader) -> object:
+    while (event := http.next_event()) is h11.NEED_DATA:
+        if not (data := await reader.read(CHUNK_BYTES)):
+            raise _closed()
+        http.receive_data(data)
+    return event
+
+
+def _closed() -> CameraRefusal:
+    return CameraRefusal("closed", "closed the connection")
+
+
+def _boundary(answer: object) -> str:
+    """The boundary of the parts of an answer.
+
+    Raises:
+        CameraRefusal: It is not MJPEG.
+    """
+    assert isinstance(answer, h11.Response | h11.InformationalResponse)
+    status = answer.status_code
+    if 300 <= status < 400:
+        raise CameraRefusal(
+            "redirect", "redirects to another address, which is not followed: name that one"
+        )
+    if status in {401, 403}:
+        raise CameraRefusal("refused", f"wants a password (status {status}): serve it without one")
+    if status != 200:
+        raise CameraRefusal("refused", f"answers with status {status}: is the path right?")
+    kind = dict(answer.headers).get(b"content-type", b"").decode("latin-1")
+    name = re.match(r"[\w/.+-]{1,40}", kind, re.ASCII)
+    if name is None or name[0].lower() != "multipart/x-mixed-replace":
+        shown = "without a type" if name is None else name[0]
+        raise CameraRefusal("wrong_type", f"sends {shown}, not MJPEG: name its stream")
+    found = re.search(r';\s*boundary="?([^\s";]{1,100})', kind, re.IGNORECASE | re.ASCII)
+    if found is None:
+        raise CameraRefusal("no_boundary", "names no boundary between its pictures")
+    return found[1]
