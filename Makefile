@@ -138,6 +138,10 @@ soak: $(VENV)/.run ## daemon and simulated board through all faults: MINUTES=60 
 alarms: $(VENV)/.dev ## false alarms and cut times on virtual time, random driving on bad lines: MINUTES=60 SEED=1
 	@PYTHONPATH=tests/plugins $(PY) -m benchmarks.false_alarms --minutes $(MINUTES) --seed $(SEED) $(ARGS)
 
+.PHONY: power-cuts
+power-cuts: $(VENV)/.dev ## power is cut 1,000 times at any write of each file that is kept (a minute; needs strace)
+	YAHBOOMD_POWER_CUTS=1000 $(PYTEST) -q tests/faults/test_power_cuts.py $(ARGS)
+
 .PHONY: every-board
 every-board: $(VENV)/.dev ## every fault on the binary board of the tests too (five minutes)
 	YAHBOOMD_EVERY_BOARD=1 $(PYTEST) $(PARALLEL) -q -m "not realtime" -k binary tests/faults tests/whole tests/link $(ARGS)

@@ -102,6 +102,7 @@ def save_box(folder: Path, data: bytes, *, reason: str, wall_ns: int, robot: str
     finally:
         with contextlib.suppress(OSError):
             os.unlink(unfinished)
+    _sync_names(folder)
     return path
 
 
@@ -114,6 +115,17 @@ def _write(path: Path, data: bytes) -> None:
         while view:
             view = view[os.write(fd, view) :]
         os.fsync(fd)
+    finally:
+        os.close(fd)
+
+
+def _sync_names(folder: Path) -> None:
+    """A robot that has stopped for a reason is often switched off next."""
+    fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        # Some file systems have no fsync of a folder.
+        with contextlib.suppress(OSError):
+            os.fsync(fd)
     finally:
         os.close(fd)
 

@@ -19,6 +19,7 @@ from yahboomd.core.program import install_command
 from yahboomd.tools.metrics.http_listener import Place
 from yahboomd.tools.service import install_plan
 from yahboomd.tools.service.install_plan import PlannedFile
+from yahboomd.tools.whole_file import write_whole
 
 DESCRIPTION = """\
 Install the service: unit, udev rule, system user, a default /etc/yahboomd/config.toml, man pages
@@ -272,10 +273,7 @@ def _put_shared(files: list[PlannedFile], *, dry: bool) -> None:
 def _write(file: PlannedFile) -> None:
     try:
         file.path.parent.mkdir(parents=True, exist_ok=True)
-        beside = file.path.with_name(f".{file.path.name}.new")
-        beside.write_text(file.text, encoding="utf-8")
-        beside.chmod(0o644)
-        beside.replace(file.path)
+        write_whole(file.path, file.text.encode())
     except OSError as error:
         raise Refused(
             f"{file.path} cannot be written: {error.strerror}.",

@@ -10,12 +10,12 @@ import hashlib
 import hmac
 import os
 import secrets
-import tempfile
 from pathlib import Path
 
 import msgspec
 
 from yahboomd.core.errors import ConfigError
+from yahboomd.tools.whole_file import write_whole
 from yahboomd.web.page_frames import Role
 
 FILE = "web-tokens.json"
@@ -59,15 +59,9 @@ def keep(folder: Path, name: str, content: bytes) -> None:
         OSError: The folder cannot be written to.
     """
     folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-    descriptor, made = tempfile.mkstemp(prefix=f".{name}.", dir=folder)
-    with os.fdopen(descriptor, "wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-        if os.geteuid() == 0:
-            owner = folder.stat()
-            os.chown(file.fileno(), owner.st_uid, owner.st_gid)
-    Path(made).replace(folder / name)
+    its = folder.stat()
+    owner = (its.st_uid, its.st_gid) if os.geteuid() == 0 else None
+    write_whole(folder / name, content, mode=0o600, owner=owner)
 
 
 def _matching(expected: dict[Role, str], given: str) -> Role | None:

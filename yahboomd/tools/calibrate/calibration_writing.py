@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import os
-import tempfile
-from contextlib import suppress
 from pathlib import Path
 
-from yahboomd.core.config.calibration_file import Calibration, read_calibration
-from yahboomd.core.config.models import CALIBRATION
+from yahboomd.core.config.calibration_file import LARGEST_BYTES, Calibration, read_calibration
+from yahboomd.core.config.reading import read_named
 from yahboomd.core.config.values import inline
 from yahboomd.core.errors import ConfigError
+from yahboomd.tools.whole_file import sync_folder, write_whole
 
 PREVIOUS = "calibration.previous.toml"
 
 
 def write_calibration(path: Path, calibration: Calibration) -> None:
-    """Write it atomically; the one before is kept for :func:`undo_calibration`.
+    """Replace it in one step; a copy of the one before is kept for :func:`undo_calibration`.
 
     Raises:
         ConfigError: The folder cannot be written to.
@@ -32,21 +31,11 @@ def write_calibration(path: Path, calibration: Calibration) -> None:
             lines.append(f"{key} = {inline(value)}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(
-            "w", dir=path.parent, prefix=f".{CALIBRATION}.", delete=False, encoding="utf-8"
-        ) as file:
-            try:
-                file.write("\n".join(lines) + "\n")
-                file.flush()
-                os.fsync(file.fileno())
-                # The daemon's user reads it too.
-                os.fchmod(file.fileno(), 0o644)
-                with suppress(FileNotFoundError):
-                    path.replace(path.with_name(PREVIOUS))
-                os.replace(file.name, path)
-            except BaseException:
-                os.unlink(file.name)
-                raise
+        if os.path.lexists(path):
+            # A copy, since a link to another user's file may be forbidden.
+            before = read_named(path, LARGEST_BYTES, wait_s=0)
+            write_whole(path.with_name(PREVIOUS), before)
+        write_whole(path, "\n".join([*lines, ""]).encode())
     except OSError as error:
         raise _unwritable(path, error.strerror) from error
 
@@ -82,6 +71,7 @@ def undo_calibration(path: Path) -> bool:
             raise ConfigError(str(error), remedy=words) from error
     try:
         path.with_name(PREVIOUS).replace(path)
+        sync_folder(path.parent)
     except FileNotFoundError:
         try:
             path.unlink()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import errno
 from collections.abc import Awaitable, Callable
 from functools import partial
 from pathlib import Path
@@ -213,9 +212,7 @@ class TopicRecorder:
             try:
                 files.sync()
             except OSError as error:
-                # The part may have ended meanwhile.
-                if error.errno != errno.EBADF:
-                    self._fail(error)
+                self._fail(error)
 
     def facts(self) -> dict[str, int]:
         """The present counts."""

@@ -8,9 +8,12 @@ the index and the last chunk are lost: readers get the rest by reading from the 
 from __future__ import annotations
 
 import os
+import threading
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
+
+from yahboomd.tools.whole_file import sync_folder, write_whole
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
@@ -23,7 +26,7 @@ CHUNK_BYTES = 128 * 1024
 """About three seconds of a moving robot, uncompressed."""
 
 METADATA = "metadata.yaml"
-"""Written when a part ends, for ``ros2 bag`` and other readers of its folders."""
+"""Written when a part has ended, for ``ros2 bag`` and other readers of its folders."""
 
 
 class Channel(NamedTuple):
@@ -93,6 +96,9 @@ class McapFiles:
         self._facts = facts or {}
         self._parts: list[Part] = []
         self._number = 0
+        self._ended: list[_Unbuffered] = []
+        self._metadata = ""
+        self._syncing = threading.Lock()
         self.removed = 0
 
     @property
@@ -121,7 +127,7 @@ class McapFiles:
         if not self._parts:
             self._begin()
         elif self._split_bytes and self._stream.size >= self._split_bytes:
-            self.end()
+            self._end_part()
             self._begin()
             self._make_room()
         part = self._parts[-1]
@@ -135,19 +141,34 @@ class McapFiles:
         part.size = self._stream.size
 
     def sync(self) -> None:
-        """Write everything to the disk itself. This is slow, so call it in a thread."""
-        if self._parts:
+        """Write everything to the disk itself, and the metadata of the parts that have ended.
+
+        This is slow, so call it in a thread.
+        """
+        with self._syncing:
+            if not self._parts:
+                return
+            metadata, self._metadata = self._metadata, ""
+            while self._ended:
+                self._ended[0].sync()
+                self._ended.pop(0).close()
             self._stream.sync()
+            if metadata:
+                write_whole(self._folder / METADATA, metadata.encode())
+            sync_folder(self._folder)
 
     def end(self) -> None:
         """End the current part with its index, and write the folder's metadata."""
-        if not self._parts:
-            return
+        if self._parts:
+            self._end_part()
+            self.sync()
+
+    def _end_part(self) -> None:
         self._writer.finish()  # type: ignore[no-untyped-call]
         self._parts[-1].size = self._stream.size
-        self._stream.close()
-        if self._is_bag:
-            (self._folder / METADATA).write_text(_metadata(self._parts), encoding="utf-8")
+        # The thread that syncs closes it.
+        self._ended.append(self._stream)
+        self._metadata = _metadata(self._parts) if self._is_bag else ""
 
     def _begin(self) -> None:
         from mcap.writer import CompressionType, Writer
@@ -209,10 +230,12 @@ class _Unbuffered:
         """Do nothing: nothing is buffered."""
 
     def sync(self) -> None:
-        os.fdatasync(self._fd)
+        if self._fd >= 0:
+            os.fdatasync(self._fd)
 
     def close(self) -> None:
         os.close(self._fd)
+        self._fd = -1
 
 
 def _metadata(parts: list[Part]) -> str:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 import textwrap
 import tomllib
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 
 from yahboomd.core.config import Config, read
@@ -17,6 +14,7 @@ from yahboomd.core.errors import ConfigError
 from yahboomd.core.model import Kinematics
 from yahboomd.tools.calibrate.estimates.wiring import WiredMotor, WiringFound
 from yahboomd.tools.setup.description import Description
+from yahboomd.tools.whole_file import write_whole
 
 _COMMENTS = {
     "profile": "the motors: encoder lines, gear and wheel",
@@ -87,23 +85,10 @@ def write_robot(path: Path, text: str, *, overwrite: bool) -> None:
         ConfigError: It cannot be written, is there already, or cannot be used.
     """
     try:
-        with tempfile.NamedTemporaryFile(
-            "w", dir=path.parent, prefix=f".{path.name}.", delete=False, encoding="utf-8"
-        ) as file:
-            try:
-                file.write(text)
-                file.flush()
-                os.fsync(file.fileno())
-                os.fchmod(file.fileno(), 0o644)
-                # Check the file alone, without the environment or a calibration.
-                read(Path(file.name), environ={})
-                if overwrite:
-                    os.replace(file.name, path)
-                else:
-                    os.link(file.name, path)
-            finally:
-                with suppress(FileNotFoundError):
-                    os.unlink(file.name)
+        # Check the file alone, without the environment or a calibration.
+        write_whole(
+            path, text.encode(), check=lambda made: read(made, environ={}), replace=overwrite
+        )
     except FileExistsError as error:
         raise ConfigError(
             f"{path} is there already.", remedy="Name another file: `--output FILE`."

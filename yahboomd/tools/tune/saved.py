@@ -18,6 +18,7 @@ from yahboomd.core.config import Config
 from yahboomd.core.config.models import calibration_path
 from yahboomd.core.errors import ConfigError, Refused
 from yahboomd.core.protocol.settings import BoardSettings, SettingValue
+from yahboomd.tools.whole_file import sync_folder, write_whole
 
 NAME = "before-tune"
 LARGEST_BYTES = 100_000
@@ -117,7 +118,7 @@ def finish(path: Path, saved: SavedSettings) -> None:
 def remove(path: Path) -> None:
     """Remove the file, and sync the folder."""
     path.unlink(missing_ok=True)
-    _sync(path.parent)
+    sync_folder(path.parent)
 
 
 def settings_of(saved: SavedSettings) -> BoardSettings:
@@ -130,28 +131,12 @@ def _write(path: Path, saved: SavedSettings, *, stays: bool = True) -> None:
     beside = path.with_name(f".{path.name}.new")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        # As root, follow no link that another user of this folder made.
-        beside.unlink(missing_ok=True)
-        fd = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
-        with open(fd, "wb") as file:
-            file.write(msgspec.json.format(msgspec.json.encode(saved), indent=2) + b"\n")
-            file.flush()
-            os.fsync(fd)
-        if stays:
-            os.replace(beside, path)
-            _sync(path.parent)
-        else:
+        data = msgspec.json.format(msgspec.json.encode(saved), indent=2) + b"\n"
+        write_whole(path if stays else beside, data)
+        if not stays:
             beside.unlink()
     except OSError as error:
         raise Refused(
             f"{path} cannot be written: {error.strerror}. The board was not changed.",
             remedy="Run the same command with sudo, or set STATE_DIRECTORY.",
         ) from error
-
-
-def _sync(folder: Path) -> None:
-    fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-    try:
-        os.fsync(fd)
-    finally:
-        os.close(fd)
