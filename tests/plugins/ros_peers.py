@@ -30,7 +30,7 @@ CACHE = (
 )
 DISTROS = ("jazzy", "kilted")
 """The distributions of ROS 2 that can be had as wheels."""
-ENVIRONMENTS = ("venv", "sdk", "bringup", *(f"ros-{distro}" for distro in DISTROS))
+ENVIRONMENTS = ("venv", "sdk", "rosbridge", "bringup", *(f"ros-{distro}" for distro in DISTROS))
 PATIENCE_S = 60.0
 """The time that a condition may take: DDS discovery needs a second or two, a busy machine more."""
 
