@@ -104,7 +104,10 @@ def test_docstrings_and_comments_hold_few_turns_that_a_reader_has_to_translate()
     assert {plain: rate for plain, rate in per_1000.items() if rate > MOST_IN_1000_WORDS} == {}
 
 
-SHARED = {"options.py": "the options of a room's constructors"}
+SHARED = {
+    "options.py": "the options of a room's constructors",
+    "fleet.py": "the command for many robots, and the benchmark of many robots",
+}
 """Names of files that mean the same thing in several rooms."""
 
 

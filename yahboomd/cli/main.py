@@ -31,6 +31,7 @@ EXTRAS = {
     "numpy": "calibrate",
     "mcap": "record",
     **dict.fromkeys(("starlette", "uvicorn", "websockets", "segno"), "web"),
+    "cryptography": "fleet",
     "uvloop": "uvloop",
 }
 """Optional packages, with the name of the extra that installs each."""

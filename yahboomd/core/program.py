@@ -31,6 +31,7 @@ COMMANDS = {
     "replay": "play a black box to a daemon, or compute its poses again",
     "web": "serve the page that drives the robot from a phone",
     "blackbox": "explain why the robot stopped, by its last minute",
+    "fleet": "make certificates and access rules for many robots",
     "metrics": "serve the daemon's counters, for Prometheus and Grafana",
     "probe": "find the port, name the board, explain problems",
     "setup": "find out how the motors are connected, and write robot.toml",

@@ -1,0 +1,194 @@
+from __future__ import annotations
+
+import stat
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import msgspec
+import pytest
+
+pytest.importorskip("cryptography")
+
+from yahboomd.core.config import read as read_config
+from yahboomd.core.config.outputs import Zenoh
+from yahboomd.core.errors import ConfigError
+from yahboomd.tools.fleet.authority import end_of, name_in
+from yahboomd.tools.fleet.fleet_files import (
+    FLEET,
+    FleetFolder,
+    identity_in,
+    read_zenoh,
+    rules_in,
+)
+from yahboomd.tools.fleet.fleet_plan import FleetPlan, PlannedPerson, PlannedRobot, PlannedSite
+
+NOW = datetime(2030, 1, 1, tzinfo=UTC)
+PLAN = FleetPlan(
+    fleet="farm",
+    router="top.example:7447",
+    sites={name: PlannedSite(router=f"{name}.example:7447") for name in ("north", "south")},
+    robots={
+        "bot1": PlannedRobot(site="north", address="192.168.1.20:7449"),
+        "bot2": PlannedRobot(site="south"),
+    },
+    people={
+        "vera": PlannedPerson(role="viewer"),
+        "dan": PlannedPerson(role="driver", of=("north",)),
+    },
+)
+ALL = {
+    "router.json5",
+    "routers/north.json5",
+    "routers/south.json5",
+    "robots/bot1.json5",
+    "robots/bot2.json5",
+    "people/vera.json5",
+    "people/dan.json5",
+}
+
+
+def folder(path: Path, plan: FleetPlan = PLAN, now: datetime = NOW) -> FleetFolder:
+    return FleetFolder(path / "fleet", plan, now)
+
+
+@pytest.fixture
+def made(tmp_path: Path) -> FleetFolder:
+    fleet = folder(tmp_path)
+    fleet.begin()
+    assert names(fleet, fleet.write()) == ALL
+    return fleet
+
+
+def names(fleet: FleetFolder, paths: list[Path]) -> set[str]:
+    return {str(each.relative_to(fleet.folder)) for each in paths}
+
+
+def subjects(fleet: FleetFolder, name: str) -> set[str]:
+    rules = rules_in(read_zenoh(fleet.folder / name))
+    return {each["id"] for each in rules["subjects"]}
+
+
+def test_every_file_is_for_its_owner_alone_and_the_authoritys_key_is_in_none_of_them(
+    made: FleetFolder,
+) -> None:
+    key = (made.folder / "authority.key").read_text()
+    for path in made.folder.rglob("*"):
+        allowed = 0o700 if path.is_dir() else 0o600
+        assert stat.S_IMODE(path.stat().st_mode) == allowed, path
+        if path.is_file() and path.name != "authority.key":
+            content = path.read_text()
+            assert key not in content
+    for path in made.paths().values():
+        assert identity_in(read_zenoh(path)).key.decode() != key
+
+
+def test_each_file_has_the_certificate_of_its_name_and_closes_links_as_it_ends(
+    made: FleetFolder,
+) -> None:
+    for name, path in made.paths().items():
+        file = read_zenoh(path)
+        assert name_in(identity_in(file).certificate) == name
+        assert file["transport"]["link"]["tls"]["close_link_on_expiration"] is True
+
+
+def test_a_robots_settings_are_valid_and_name_its_place_and_its_router(
+    made: FleetFolder,
+) -> None:
+    def settings(robot: str) -> Zenoh:
+        file = made.folder / "robots" / f"{robot}.toml"
+        # The file of Zenoh's lies beside it here.
+        place = f"zenoh.config={file.with_suffix('.json5')}"
+        return read_config(file, environ={}, overrides=[place]).config.zenoh
+
+    found = settings("bot1")
+    assert found.namespace == "farm/north/bot1"
+    assert found.connect == ("tls/north.example:7447",)
+    assert found.listen == ("tcp/127.0.0.1:7448", "tls/0.0.0.0:7449")
+    assert settings("bot2").listen == ("tcp/127.0.0.1:7448",)
+
+
+def test_a_persons_file_lists_the_robots_of_the_role(made: FleetFolder) -> None:
+    found = read_zenoh(made.folder / "people/dan.json5")["metadata"][FLEET]
+    assert found["robots"] == ["farm/north/bot1"]
+    assert found["connect"] == ["tls/top.example:7447"]
+    assert found["places"] == ["farm/north"]
+
+
+def test_an_authority_is_made_once(made: FleetFolder) -> None:
+    key = (made.folder / "authority.key").read_bytes()
+    with pytest.raises(ConfigError, match="has an authority already"):
+        made.begin()
+    assert (made.folder / "authority.key").read_bytes() == key
+
+
+def test_adding_writes_the_files_that_are_new_or_whose_rules_changed(
+    made: FleetFolder, tmp_path: Path
+) -> None:
+    assert made.write() == []
+    more = msgspec.structs.replace(
+        PLAN, people={**PLAN.people, "olga": PlannedPerson(role="operator", of=("north",))}
+    )
+    grown = folder(tmp_path, more)
+    # The router of the other site and its robot do not know her.
+    assert names(grown, grown.write()) == {
+        "people/olga.json5",
+        "router.json5",
+        "routers/north.json5",
+        "robots/bot1.json5",
+    }
+
+
+def test_a_renewed_certificate_is_new_and_changes_no_other_file(
+    made: FleetFolder, tmp_path: Path
+) -> None:
+    later = folder(tmp_path, now=NOW + timedelta(days=70))
+    assert set(later.ending(timedelta(days=19))) == set()
+    assert set(later.ending(timedelta(days=21))) == set(made.paths())
+    before = identity_in(read_zenoh(made.folder / "robots/bot1.json5"))
+    assert names(later, later.write(renewed=["robot.bot1"])) == {"robots/bot1.json5"}
+    after = identity_in(read_zenoh(made.folder / "robots/bot1.json5"))
+    assert end_of(after.certificate) - end_of(before.certificate) == timedelta(days=70)
+    assert after.key != before.key
+
+
+def test_a_revoked_certificate_is_in_no_rule_and_the_files_that_had_it_are_listed(
+    made: FleetFolder,
+) -> None:
+    files = ("router.json5", "routers/north.json5", "robots/bot1.json5")
+    assert all("person.dan" in subjects(made, name) for name in files)
+    revoked = made.revoke("person.dan")
+    assert revoked.until == NOW + timedelta(days=90)
+    assert names(made, made.write()) == set(files)
+    for path in made.folder.rglob("*.json5"):
+        assert "person.dan" not in path.read_text(), path
+    assert not (made.folder / "people/dan.json5").exists()
+    assert made.write() == []
+
+
+def test_a_revoked_robot_and_a_revoked_router_lose_their_rights_too(made: FleetFolder) -> None:
+    made.revoke("robot.bot1")
+    assert names(made, made.write()) == {
+        "routers/north.json5",
+        "people/vera.json5",
+        "people/dan.json5",
+    }
+    assert "robot.bot1" not in subjects(made, "routers/north.json5")
+    assert not (made.folder / "robots/bot1.toml").exists()
+    made.revoke("router.south")
+    assert names(made, made.write()) == {"router.json5", "robots/bot2.json5"}
+    assert "router.south" not in subjects(made, "robots/bot2.json5")
+
+
+def test_what_cannot_be_revoked_read_or_trusted_is_refused(made: FleetFolder) -> None:
+    with pytest.raises(ConfigError, match=r"no certificate of 'person\.nobody'"):
+        made.revoke("person.nobody")
+    (made.folder / "people/dan.json5").write_text("{}")
+    with pytest.raises(ConfigError, match="is no file of `yahboomd fleet`"):
+        made.write()
+    (made.folder / "people/dan.json5").unlink()
+    (made.folder / "authority.key").chmod(0o640)
+    with pytest.raises(ConfigError, match=r"Others may read .*authority\.key"):
+        made.write()
+    (made.folder / "authority.key").unlink()
+    with pytest.raises(ConfigError, match="There is no authority"):
+        made.write()

@@ -1,0 +1,132 @@
+"""``yahboomd fleet``: certificates and access rules for many robots, from one file."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from yahboomd.cli.shared_options import number
+
+if TYPE_CHECKING:
+    from yahboomd.tools.fleet.fleet_files import FleetFolder
+    from yahboomd.tools.fleet.fleet_plan import FleetPlan
+
+DESCRIPTION = """\
+Make the certificates and the access rules of a fleet from one file, which lists its sites, its
+robots and its people with their roles. Each router, robot and person gets one file of Zenoh's with
+everything in it. Nothing is sent: you copy the files. The key that signs certificates stays in the
+folder beside the file, on this machine.
+"""
+
+EPILOG = """\
+examples:
+  yahboomd fleet init fleet.toml             the authority and all files, in the folder fleet/
+  yahboomd fleet add fleet.toml              the files of robots and people that were added to it
+  yahboomd fleet check fleet.toml anna       what may this certificate do, and until when?
+  yahboomd fleet renew fleet.toml            new certificates for those that end within 30 days
+  yahboomd fleet revoke fleet.toml anna      take every right away, and list the files to copy
+
+exit status:
+  0    it was done
+  78   a mistake in the file, or the folder cannot be used: the message has the reason
+"""
+
+VERBS = {
+    "init": "make the authority and all files",
+    "add": "make the files that are missing, and write changed rules",
+    "renew": "make new certificates",
+    "revoke": "take every right of a certificate away",
+    "check": "print what a certificate may do",
+}
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the verbs."""
+    verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
+    for name, words in VERBS.items():
+        verb = verbs.add_parser(name, help=words, description=f"{words.capitalize()}.")
+        verb.add_argument(
+            "file",
+            metavar="FILE",
+            type=Path,
+            help="the fleet's file, fleet.toml; the others are in the folder of its name, fleet/",
+        )
+        if name == "renew":
+            verb.add_argument(
+                "names", metavar="NAME", nargs="*", help="robots, sites or people (default: by age)"
+            )
+            verb.add_argument(
+                "--within",
+                metavar="DAYS",
+                type=number("a number of days from 0 to 90", lambda days: 0.0 <= days <= 90.0),
+                default=30.0,
+                help="without names: certificates that end within this time (default: %(default)g)",
+            )
+        elif name in {"revoke", "check"}:
+            verb.add_argument("name", metavar="NAME", help="a robot, a site or a person")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out one verb."""
+    from yahboomd.tools.fleet.fleet_check import full_name
+    from yahboomd.tools.fleet.fleet_files import FleetFolder
+    from yahboomd.tools.fleet.fleet_plan import read_plan
+
+    plan = read_plan(args.file)
+    folder = FleetFolder(args.file.with_suffix(""), plan, datetime.now(UTC))
+    match args.verb:
+        case "init":
+            folder.begin()
+            _print_changed(folder.write())
+        case "add":
+            _print_changed(folder.write())
+            for name in sorted({each.name for each in folder.revoked()} & set(folder.paths())):
+                print(f"{name} is revoked and gets nothing: a new certificate needs a new name.")
+        case "renew":
+            days = timedelta(days=args.within)
+            names = [full_name(plan, each) for each in args.names] or folder.ending(days)
+            _print_changed(folder.write(renewed=names))
+        case "revoke":
+            _revoke(folder, full_name(plan, args.name))
+        case _:
+            _check(folder, plan, full_name(plan, args.name))
+    return os.EX_OK
+
+
+def _print_changed(changed: list[Path]) -> None:
+    if not changed:
+        print("Nothing has changed.")
+        return
+    print("Copy each to its machine, readable by its user alone; restart routers and robots:")
+    for path in changed:
+        print(f"  {path}")
+
+
+def _revoke(folder: FleetFolder, name: str) -> None:
+    revoked = folder.revoke(name)
+    changed = folder.write()
+    print(
+        f"{name} has no rights in the files of this folder any more. A router or robot with an "
+        f"older file accepts the certificate until it ends, {revoked.until:%Y-%m-%d %H:%M} UTC."
+    )
+    _print_changed(changed)
+
+
+def _check(folder: FleetFolder, plan: FleetPlan, name: str) -> None:
+    from yahboomd.tools.fleet.fleet_check import check
+
+    for each in folder.revoked():
+        if each.name == name:
+            print(
+                f"{name} is revoked. A router or robot with an older file accepts the certificate "
+                f"until it ends, {each.until:%Y-%m-%d %H:%M} UTC."
+            )
+            return
+    found = check(folder, plan, folder.paths()[name])
+    print(f"{found.name}, until {found.until:%Y-%m-%d %H:%M} UTC")
+    for robot, by_way in found.by_way.items():
+        for way, rights in by_way.items():
+            print(f"  {robot} {way}: {', '.join(rights) or 'nothing'}")

@@ -1,0 +1,1 @@
+"""Many robots: their certificates, the access rules of their routers, and a stop for all."""

@@ -1,0 +1,301 @@
+"""The files of a fleet: one for each router, robot and person, with certificate, key and rules.
+
+Each is a file of Zenoh's that holds all that its machine needs, its private key among it, so that
+one file is copied and nothing refers to a path. Every file is readable by its owner alone.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+from collections.abc import Iterable
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import msgspec
+
+from yahboomd.core.errors import ConfigError
+from yahboomd.tools.fleet.authority import Authority, Issued, end_of, make_authority
+from yahboomd.tools.fleet.fleet_plan import (
+    LOCAL_PORT,
+    TOP,
+    FleetPlan,
+    person_id,
+    robot_id,
+    router_id,
+)
+from yahboomd.tools.fleet.fleet_rules import AccessControl, robot_rules, router_rules
+
+ROUTERS, ROBOTS, PEOPLE = "routers", "robots", "people"
+KEY, CERTIFICATE, REVOKED = "authority.key", "authority.pem", "revoked.json"
+FLEET = "yahboomd_fleet"
+"""The name of a person's list of robots in ``metadata`` of the file, which Zenoh ignores."""
+
+ZenohFile: TypeAlias = dict[str, Any]
+
+_HEADER = "// Made by `yahboomd fleet`. It has a private key in it: nobody else may read it.\n"
+_CONFIG = "/etc/yahboomd/zenoh.json5"
+
+
+class Revocation(msgspec.Struct, frozen=True, kw_only=True):
+    """A revoked certificate: its name, and the time at which it ends by itself."""
+
+    name: str
+    until: datetime
+
+
+class FleetFolder:
+    """The folder of a fleet's files, on its operator's machine.
+
+    Args:
+        now: The time of certificates that are made.
+    """
+
+    def __init__(self, folder: Path, plan: FleetPlan, now: datetime) -> None:
+        self.folder = folder
+        self._plan = plan
+        self._now = now
+
+    def begin(self) -> None:
+        """Make the folder and the authority.
+
+        Raises:
+            ConfigError: There is one already.
+        """
+        if (self.folder / KEY).exists():
+            raise ConfigError(
+                f"{self.folder} has an authority already; nothing was changed.",
+                remedy="`yahboomd fleet add` makes the files of new robots and people.",
+            )
+        made = make_authority(self._plan.fleet, self._now)
+        _keep(self.folder / KEY, made.key)
+        _keep(self.folder / CERTIFICATE, made.certificate)
+
+    def paths(self) -> dict[str, Path]:
+        """The file of each certificate, by the name in it."""
+        plan = self._plan
+        found = {router_id(site): Path(ROUTERS, site) for site in plan.sites}
+        if plan.router:
+            found[TOP] = Path("router")
+        found |= {robot_id(name): Path(ROBOTS, name) for name in plan.robots}
+        found |= {person_id(name): Path(PEOPLE, name) for name in plan.people}
+        return {
+            name: (self.folder / path).with_name(f"{path.name}.json5")
+            for name, path in found.items()
+        }
+
+    def revoked(self) -> list[Revocation]:
+        """The revoked certificates."""
+        path = self.folder / REVOKED
+        try:
+            return msgspec.json.decode(path.read_bytes(), type=list[Revocation])
+        except FileNotFoundError:
+            return []
+        except msgspec.MsgspecError as error:
+            raise ConfigError(f"{path} cannot be used: {error}.") from error
+
+    def write(self, renewed: Iterable[str] = ()) -> list[Path]:
+        """Write what is missing and what has changed, and remove the files of the revoked.
+
+        Args:
+            renewed: The names of certificates that are made anew.
+
+        Returns:
+            The files that changed: each belongs on its machine.
+        """
+        anew, gone = set(renewed), {each.name for each in self.revoked()}
+        authority: Authority | None = None
+        changed = []
+        identities = self._plan.identities()
+        for name, path in self.paths().items():
+            if name in gone:
+                path.unlink(missing_ok=True)
+                continue
+            issued = None if name in anew else self._issued(path)
+            if issued is None:
+                authority = authority or self._authority()
+                issued = authority.issue(name, identities[name], self._now)
+            content = self._content(name, issued, gone)
+            text = _HEADER + json.dumps(content, indent=1) + "\n"
+            if not path.exists() or path.read_text() != text:
+                _keep(path, text.encode())
+                changed.append(path)
+        for robot in self._plan.robots:
+            path = self.paths()[robot_id(robot)].with_suffix(".toml")
+            if robot_id(robot) in gone:
+                path.unlink(missing_ok=True)
+            else:
+                _keep(path, self._robot_toml(robot).encode())
+        return changed
+
+    def revoke(self, name: str) -> Revocation:
+        """Put a certificate on the list of the revoked; :meth:`write` removes its rights.
+
+        Raises:
+            ConfigError: There is no such certificate.
+        """
+        issued = self._issued(self.paths()[name]) if name in self.paths() else None
+        if issued is None:
+            raise ConfigError(f"There is no certificate of {name!r} in {self.folder}.")
+        made = Revocation(name=name, until=end_of(issued.certificate))
+        _keep(self.folder / REVOKED, msgspec.json.encode([*self.revoked(), made]))
+        return made
+
+    def ending(self, within: timedelta) -> list[str]:
+        """The names of the certificates that end within a time."""
+        found = {name: self._issued(path) for name, path in self.paths().items()}
+        return [
+            name
+            for name, issued in found.items()
+            if issued is not None and end_of(issued.certificate) < self._now + within
+        ]
+
+    def _issued(self, path: Path) -> Issued | None:
+        return identity_in(read_zenoh(path)) if path.exists() else None
+
+    def _authority(self) -> Authority:
+        try:
+            key = self.folder / KEY
+            if key.stat().st_mode & 0o077:
+                raise ConfigError(
+                    f"Others may read {key}: everybody who did can make certificates.",
+                    remedy=f"`chmod 600 {key}`, and begin anew if somebody may have read it.",
+                )
+            return Authority(Issued((self.folder / CERTIFICATE).read_bytes(), key.read_bytes()))
+        except FileNotFoundError as error:
+            raise ConfigError(
+                f"There is no authority in {self.folder}: {error.filename} is missing.",
+                remedy="`yahboomd fleet init` makes one.",
+            ) from error
+        except ValueError as error:
+            raise ConfigError(f"The authority in {self.folder} cannot be used: {error}.") from error
+
+    def _content(self, name: str, issued: Issued, gone: set[str]) -> ZenohFile:
+        plan = self._plan
+        content: ZenohFile = {"transport": {"link": {"tls": self._tls(issued)}}}
+        kind, _, which = name.partition(".")
+        if kind == "person":
+            content["metadata"] = {FLEET: self._list(which, gone)}
+        elif kind == "robot":
+            content["access_control"] = robot_rules(plan, which, gone)
+        else:
+            content |= self._router(which)
+            content["transport"] |= {
+                "unicast": {"max_sessions": 2000, "accept_pending": 500, "accept_timeout": 3000},
+                "shared_memory": {"enabled": False},
+            }
+            content["transport"]["link"] |= {
+                "tx": {"lease": 2000},
+                "rx": {"max_message_size": 16 * 1024 * 1024},
+            }
+            content["access_control"] = router_rules(plan, which, gone)
+        return content
+
+    def _tls(self, issued: Issued) -> ZenohFile:
+        certificate, key = _text(issued.certificate), _text(issued.key)
+        return {
+            "root_ca_certificate_base64": _text((self.folder / CERTIFICATE).read_bytes()),
+            "enable_mtls": True,
+            "verify_name_on_connect": True,
+            "close_link_on_expiration": True,
+            "listen_certificate_base64": certificate,
+            "listen_private_key_base64": key,
+            "connect_certificate_base64": certificate,
+            "connect_private_key_base64": key,
+        }
+
+    def _router(self, site: str) -> ZenohFile:
+        plan = self._plan
+        own = plan.sites[site].router if site else plan.router
+        above = [f"tls/{plan.router}"] if site and plan.router else []
+        return {
+            "mode": "router",
+            "listen": {"endpoints": [f"tls/0.0.0.0:{own.rpartition(':')[2]}"]},
+            "connect": {"endpoints": above, "timeout_ms": -1, "exit_on_failure": False},
+            "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        }
+
+    def _list(self, person: str, gone: set[str]) -> ZenohFile:
+        plan = self._plan
+        mine = [
+            robot
+            for robot in plan.robots
+            if plan.reaches(person, robot) and robot_id(robot) not in gone
+        ]
+        sites = {plan.robots[robot].site for robot in mine}
+        near = [plan.router] if plan.router else [plan.sites[site].router for site in sites]
+        return {
+            "person": person,
+            "role": plan.people[person].role,
+            "connect": [f"tls/{each}" for each in near],
+            "places": plan.places(person),
+            "robots": [plan.namespace(robot) for robot in mine],
+        }
+
+    def _robot_toml(self, robot: str) -> str:
+        plan = self._plan
+        planned = plan.robots[robot]
+        listen = [f"tcp/127.0.0.1:{LOCAL_PORT}"] if plan.local else []
+        if planned.address:
+            listen.append(f"tls/0.0.0.0:{planned.address.rpartition(':')[2]}")
+        return (
+            f"# {robot}: put this into /etc/yahboomd/config.toml, and {robot}.json5 to\n"
+            f"# {_CONFIG}, readable by the daemon's user alone.\n"
+            "[zenoh]\n"
+            f'namespace = "{plan.namespace(robot)}"\n'
+            f"listen = {json.dumps(listen)}\n"
+            f'connect = ["tls/{plan.sites[planned.site].router}"]\n'
+            f'config = "{_CONFIG}"\n'
+        )
+
+
+def read_zenoh(path: Path) -> ZenohFile:
+    """Read a file that this module wrote.
+
+    Raises:
+        ConfigError: It is none.
+    """
+    try:
+        lines = path.read_text().splitlines()
+        found = json.loads("\n".join(line for line in lines if not line.startswith("//")))
+        found["transport"]["link"]["tls"]["connect_private_key_base64"]
+    except OSError as error:
+        raise ConfigError(f"{path} cannot be read: {error.strerror}.") from error
+    except (ValueError, LookupError, TypeError) as error:
+        raise ConfigError(
+            f"{path} is no file of `yahboomd fleet`.",
+            remedy="`yahboomd fleet add` writes it anew if you remove it.",
+        ) from error
+    return dict(found)
+
+
+def identity_in(file: ZenohFile) -> Issued:
+    """The certificate and the key in a file."""
+    tls = file["transport"]["link"]["tls"]
+    return Issued(
+        base64.b64decode(tls["connect_certificate_base64"]),
+        base64.b64decode(tls["connect_private_key_base64"]),
+    )
+
+
+def rules_in(file: ZenohFile) -> AccessControl:
+    """The access rules in the file of a router or a robot."""
+    return dict(file["access_control"])
+
+
+def _text(content: bytes) -> str:
+    return base64.b64encode(content).decode()
+
+
+def _keep(path: Path, content: bytes) -> None:
+    """Replace a file by one that its owner alone can read, at once or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+    made = path.with_name(f".{path.name}.new")
+    made.unlink(missing_ok=True)
+    with os.fdopen(os.open(made, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+    made.replace(path)
