@@ -8,6 +8,7 @@ from collections import defaultdict
 from pathlib import Path
 from typing import NamedTuple
 
+import msgspec
 import pytest
 
 from yahboomd.cli.shell import command_tree
@@ -23,6 +24,7 @@ from yahboomd.core.protocol.dialect import Dialect
 from yahboomd.core.protocol.first_words import FIRST_WORDS
 from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.simulation.boards import BOARDS
+from yahboomd.tools.fleet.fleet_plan import FleetPlan, plan_problem
 from yahboomd.tools.port.run_guard import BEATS_WITHIN_S
 from yahboomd.web.beats import LAPSE_NS
 
@@ -112,7 +114,11 @@ def test_every_toml_example_is_a_configuration() -> None:
     count = 0
     for page in WRITTEN:
         for block in re.findall(r"```toml\n(.*?)```", page.read_text(), re.DOTALL):
-            Config.of(tomllib.loads(block))
+            example = tomllib.loads(block)
+            if "fleet" in example:
+                assert plan_problem(msgspec.convert(example, FleetPlan)) == ""
+            else:
+                Config.of(example)
             count += 1
     assert count > 5
 
