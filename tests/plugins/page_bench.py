@@ -46,6 +46,7 @@ class PageBench:
         browser: It opens the pages.
         simulate: More arguments of ``yahboomd simulate``.
         run: More arguments of ``yahboomd run``.
+        web: More arguments of ``yahboomd web``.
         listen: The address of the server; another one than loopback demands tokens.
     """
 
@@ -56,6 +57,7 @@ class PageBench:
         *,
         simulate: tuple[str, ...] = (),
         run: tuple[str, ...] = (),
+        web: tuple[str, ...] = (),
         listen: str = "127.0.0.1",
     ) -> None:
         self.browser = browser
@@ -65,6 +67,7 @@ class PageBench:
         self._moved_ns: list[int] = []
         self.port = int(free_endpoint().rsplit(":", 1)[1])
         self._listen = f"{listen}:{self.port}"
+        self._web = web
         self._environ = {"XDG_STATE_HOME": str(folder), "STATE_DIRECTORY": str(folder)}
         self.network = WeakNetwork(self.port)
         self.server = self.start_server()
@@ -84,7 +87,7 @@ class PageBench:
         """Start (another) server on the same port."""
         self.server = Process(
             "web",
-            *("--listen", self._listen, "--connect", self.robot.endpoint),
+            *("--listen", self._listen, "--connect", self.robot.endpoint, *self._web),
             environ=self._environ,
         )
         prefer(self.server.process, DAEMON_NICE)

@@ -41,9 +41,9 @@ class Looker:
         self.is_served = False
         self._asked: asyncio.Queue[str | None] = asyncio.Queue()
 
-    def ask(self) -> None:
-        """Ask for the next picture."""
-        self._asked.put_nowait("")
+    def ask(self, question: str = "") -> None:
+        """Ask for the next picture, or something else."""
+        self._asked.put_nowait(question)
 
     def leave(self) -> None:
         """Close the page."""
@@ -155,6 +155,22 @@ async def test_without_a_new_picture_a_page_learns_every_second_why() -> None:
         await eventually(lambda: len(page.sent) == 2)
         assert "closed the connection" in page.sent[1]["problem"]
         assert page.sent[1]["counts"]["closed"] == 1
+
+
+@on_virtual_time
+async def test_the_counts_are_answered_at_once_and_cost_no_picture() -> None:
+    async with Stage() as stage:
+        page = await stage.page()
+        stage.send(1)
+        stage.send(1)
+        await eventually(lambda: stage.feed.counts["repeated"])
+        page.ask(camera_viewers.COUNTS)
+        page.ask()
+        await eventually(lambda: len(page.sent) == 2)
+        assert page.sent[0]["counts"] == {
+            "connected": 1, "pictures": 1, "repeated": 1, "unusable": 0
+        }  # fmt: skip
+        assert page.sent[1][2] == jpeg(1)
 
 
 @on_virtual_time

@@ -27,6 +27,9 @@ ANSWER_S = 1.0
 IDLE_S = 10.0
 """A page that asks for nothing in this time looks no longer."""
 
+COUNTS = "counts"
+"""The question for the counts; every other one is for a picture."""
+
 HEAD = struct.Struct(">II")
 """Before each picture: the milliseconds since it arrived here, and those that the page waited."""
 
@@ -67,9 +70,11 @@ class CameraViewers:
 
     async def _serve(self, socket: WebSocket, role: Callable[[], Role | None]) -> None:
         number, problem = 0, ""
-        while await _asks(socket):
+        while (question := await _question(socket)) is not None:
             asked_ns = self._clock.now_ns()
-            picture = await self._feed.news(number, problem, ANSWER_S)
+            picture = None
+            if question != COUNTS:
+                picture = await self._feed.news(number, problem, ANSWER_S)
             if role() is None:
                 await socket.close(POLICY, "This session has ended.")
                 return
@@ -86,14 +91,13 @@ class CameraViewers:
             await socket.send_bytes(head + picture.jpeg)
 
 
-async def _asks(socket: WebSocket) -> bool:
-    """Wait for a page's next question; False if it left or fell silent."""
+async def _question(socket: WebSocket) -> str | None:
+    """Wait for a page's next question; None if it left or fell silent."""
     try:
         async with asyncio.timeout(IDLE_S):
-            await socket.receive_text()
+            return await socket.receive_text()
     except TimeoutError:
         await socket.close()
-        return False
     except (WebSocketDisconnect, KeyError):
-        return False
-    return True
+        pass
+    return None

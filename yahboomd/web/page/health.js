@@ -34,7 +34,7 @@ function create({ live, connection }) {
     counters.receive(sample);
     show();
   });
-  for (const type of ["battery", "delay", "link", "daemon"]) live.on(type, show);
+  for (const type of ["battery", "delay", "link", "daemon", "camera"]) live.on(type, show);
 
   function show() {
     if (element.hidden) return;
@@ -56,6 +56,7 @@ function create({ live, connection }) {
     const delay = delayOf(live);
     fact("Network", connection.isOpen ? (delay ? `${Math.round(delay)} ms there and back` : "connected") : "not connected");
     const hello = live.newest("hello");
+    fact("Camera", hello?.camera ? eyes(live.newest("camera")) : "");
     fact("yahboomd", hello?.version ?? "");
     fact("This page", hello ? (hello.role === "driver" ? "may drive" : "may watch and stop") : "");
     counters.show();
@@ -77,4 +78,11 @@ function create({ live, connection }) {
     },
     hide: () => {},
   };
+}
+
+/** The camera's counts, as far as this page knows them. */
+function eyes(message) {
+  if (!message) return "not looked at yet";
+  const counts = Object.entries(message.counts).map(([name, count]) => `${name.replaceAll("_", " ")} ${count}`);
+  return [message.problem, counts.join(", ")].filter(Boolean).join(" ");
 }

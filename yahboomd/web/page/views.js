@@ -8,8 +8,9 @@ import { health } from "./health.js";
 import { map } from "./map.js";
 import { wheels } from "./wheels.js";
 
+const camera = { id: "camera", title: "Camera", load: () => import("./camera.js").then((module) => module.create) };
 const VIEWS = [
-  drive, map, wheels, health,
+  drive, camera, map, wheels, health,
   { id: "calibrate", title: "Calibrate", load: () => import("./calibrate.js").then((module) => module.create) },
   { id: "record", title: "Record", load: () => import("./record.js").then((module) => module.create) },
   { id: "boxes", title: "Black boxes", load: () => import("./boxes.js").then((module) => module.create) },
@@ -17,11 +18,12 @@ const VIEWS = [
 // As in style.css. On a wide screen the drive view stays beside all others, on a phone on its side beside those that show the robot.
 const WIDE = matchMedia("(min-width: 1000px) and (min-height: 501px)");
 const ASIDE = matchMedia("(max-height: 500px) and (min-width: 560px)");
-const BESIDE = [drive, map, wheels, health];
+const BESIDE = [drive, camera, map, wheels, health];
 
 export class Views {
   #made = new Map();
   #shown = new Set();
+  #hasCamera = false;
 
   constructor(app) {
     this.app = app;
@@ -31,13 +33,25 @@ export class Views {
     this.links = VIEWS.map(({ id, title }) => el("a", { href: `#${id}`, "data-view": id }, title));
     document.getElementById("views").append(...this.links);
     addEventListener("hashchange", () => this.#open());
+    app.live.on("hello", (hello) => this.#findCamera(Boolean(hello.camera)));
     for (const each of [WIDE, ASIDE]) each.addEventListener("change", () => this.#open());
     this.#open();
   }
 
+  /** A robot without a camera has no view of it. Its picture is behind the joystick from the beginning. */
+  async #findCamera(has) {
+    if (has === this.#hasCamera) return;
+    this.#hasCamera = has;
+    document.body.toggleAttribute("data-camera", has);
+    if (has && !this.#made.has(camera.id)) this.#add(camera, await camera.load());
+    this.#open();
+  }
+
   async #open() {
-    const asked = VIEWS.find(({ id }) => `#${id}` === location.hash) ?? VIEWS[0];
-    const opened = (WIDE.matches || ASIDE.matches) && asked === drive ? map : asked;
+    const there = VIEWS.filter((view) => view !== camera || this.#hasCamera);
+    const asked = there.find(({ id }) => `#${id}` === location.hash) ?? drive;
+    const eyes = this.#hasCamera ? camera : map;
+    const opened = (WIDE.matches || ASIDE.matches) && asked === drive ? eyes : asked;
     const besides = WIDE.matches || (ASIDE.matches && BESIDE.includes(opened));
     const wanted = besides ? [drive, opened] : [opened];
     for (const link of this.links) {
