@@ -81,7 +81,7 @@ schemas-check: $(VENV)/.dev
 	$(PY) -m yahboomd.tools.schemas.asyncapi --check schemas
 
 ##@ Suites that need other languages, or more time (.ci/run runs their short forms)
-.PHONY: interop interop-figures generators asyncapi clients browser firmware firmware-long metrics fuzz mutants soak alarms
+.PHONY: interop interop-figures ros-programs generators asyncapi clients browser firmware firmware-long metrics fuzz mutants soak alarms
 # Its peers keep the cores busier than what waits elsewhere.
 interop: WORKERS = $(CORES)
 interop: $(VENV)/.dev ## build the real ROS 2 peers once (in a cache outside the tree), drive through them
@@ -90,6 +90,9 @@ interop: $(VENV)/.dev ## build the real ROS 2 peers once (in a cache outside the
 
 interop-figures: $(VENV)/.dev ## the same at length: latencies, losses, late joiners, 33 restarts, discovery (15 minutes)
 	YAHBOOMD_INTEROP=1 $(PYTEST) tests/interop/figures.py tests/interop/test_two_machines.py $(ARGS)
+
+ros-programs: $(VENV)/.dev ## in a sourced ROS 2: robot_state_publisher, twist_mux, slam_toolbox and others, as installed, against a simulated robot
+	$(PYTEST) -rs tests/interop/programs.py $(ARGS)
 
 generators: $(VENV)/.dev ## types made of schemas/ by the generators of six languages read every golden sample (SHORT=1: of two)
 	$(if $(SHORT),,YAHBOOMD_GENERATORS=1 YAHBOOMD_ASYNCAPI=1) $(PYTEST) $(PARALLEL) tests/generators $(ARGS)
