@@ -1,8 +1,9 @@
-"""`make page-figures`: CPU and memory of the page's server with 0, 1, 5 and 30 pages, and the bytes
-that a phone loads first.
+"""`make page-figures`: CPU and memory of the page's server with 0, 1, 5 and 30 pages and with five
+that look at a camera, and the bytes that a phone loads first.
 
 A simulated board, the daemon and `yahboomd web` run as processes, with their default settings. One
-page drives at 20 commands a second, the others watch, and all receive every message.
+page drives at 20 commands a second, the others watch, and all receive every message. The camera
+sends 30 pictures of 40 kB a second; five pages without and with it are measured in turn.
 """
 
 from __future__ import annotations
@@ -12,7 +13,10 @@ import asyncio
 import json
 import os
 import re
+import secrets
 import signal
+import socket
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -29,7 +33,11 @@ SECONDS = 15.0
 PERIOD_S = 0.05
 GOALS = {1: "5 %"}
 MEMORY_GOAL = "60 MB"
-LOAD_GOAL = "150 kB"
+LOAD_GOAL = "200 kB"
+LOOKING = 5
+TURNS = 3
+PICTURE_BYTES = 40_000
+PICTURES_A_SECOND = 30
 
 
 def main() -> int:
@@ -40,6 +48,7 @@ def main() -> int:
         folder = Path(name)
         endpoint = free_endpoint()
         port = folder / "board"
+        camera = socket.create_server(("127.0.0.1", 0))
         running = [_yahboomd("simulate", "--link", str(port))]
         try:
             while not port.exists():
@@ -48,9 +57,11 @@ def main() -> int:
             settings += [f"estop.latch_file={folder / 'estop'}"]
             sets = [word for each in settings for word in ("--set", each)]
             running.append(_yahboomd("run", "--port", str(port), *sets))
-            web = _yahboomd("web", "--listen", "127.0.0.1:0", "--connect", endpoint)
+            address = f"web.camera=http://127.0.0.1:{camera.getsockname()[1]}/stream"
+            where = ("--listen", "127.0.0.1:0", "--connect", endpoint)
+            web = _yahboomd("web", *where, "--set", address)
             running.append(web)
-            asyncio.run(_measure(web, args.seconds))
+            asyncio.run(_measure(web, camera, args.seconds))
         finally:
             for each in reversed(running):
                 each.send_signal(signal.SIGTERM)
@@ -58,7 +69,7 @@ def main() -> int:
     return 0
 
 
-async def _measure(web: subprocess.Popen[str], seconds: float) -> None:
+async def _measure(web: subprocess.Popen[str], camera: socket.socket, seconds: float) -> None:
     assert web.stdout is not None
     found = re.search(r":(\d+)/", web.stdout.readline())
     assert found is not None
@@ -66,32 +77,80 @@ async def _measure(web: subprocess.Popen[str], seconds: float) -> None:
     print("| pages | CPU, of a core | goal | memory | received by each page |")
     print("|---|---|---|---|---|")
     for count in PAGES:
-        received = [0] * count
-        pages = [
-            asyncio.create_task(_page(where, received, index, drives=index == 0))
-            for index in range(count)
-        ]
-        # Let the start pass.
-        await asyncio.sleep(4.0)
-        before, used_s, begun = sum(received), _cpu_s(web.pid), time.monotonic()
-        await asyncio.sleep(seconds)
-        took = time.monotonic() - begun
-        share = (_cpu_s(web.pid) - used_s) / took
-        rate = (sum(received) - before) / took / max(1, count) / 1000
+        share, memory, rate = await _with(web, where, count, seconds)
         print(
             f"| {count} | {share * 100:.1f} % | {GOALS.get(count, '')} | "
-            f"{_memory(web.pid) / 1e6:.0f} MB | {rate:.0f} kB/s |",
+            f"{memory / 1e6:.0f} MB | {rate:.0f} kB/s |",
             flush=True,
         )
-        for page in pages:
-            page.cancel()
-        await asyncio.gather(*pages, return_exceptions=True)
+    async with await asyncio.start_server(_send_pictures, sock=camera):
+        ratios, memories, rates = [], [], []
+        for _ in range(TURNS):
+            without, _, _ = await _with(web, where, LOOKING, seconds)
+            share, memory, rate = await _with(web, where, LOOKING, seconds, looks=True)
+            ratios.append(share / without)
+            memories.append(memory)
+            rates.append(rate)
+    print(
+        f"\n{LOOKING} pages that look at the camera: "
+        f"{statistics.median(ratios):.1f} times the CPU of {LOOKING} without "
+        f"({', '.join(f'{ratio:.1f}' for ratio in ratios)}), {max(memories) / 1e6:.0f} MB, "
+        f"{statistics.median(rates):.0f} kB/s to each."
+    )
     compressed, plain, files = await _first_load(where)
     print(
         f"\nMemory: goal {MEMORY_GOAL}. First load: {compressed / 1000:.0f} kB compressed, "
         f"{plain / 1000:.0f} kB as files ({files}); goal {LOAD_GOAL}.\n"
         f"Python {sys.version.split()[0]}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}"
     )
+
+
+async def _with(
+    web: subprocess.Popen[str], where: str, count: int, seconds: float, *, looks: bool = False
+) -> tuple[float, int, float]:
+    """CPU in cores, memory in bytes, and kB a second to each page, with so many pages."""
+    received = [0] * count
+    pages = [
+        asyncio.create_task(_page(where, received, index, drives=index == 0))
+        for index in range(count)
+    ]
+    if looks:
+        pages += [asyncio.create_task(_look(where, received, index)) for index in range(count)]
+    # Let the start pass.
+    await asyncio.sleep(4.0)
+    before, used_s, begun = sum(received), _cpu_s(web.pid), time.monotonic()
+    await asyncio.sleep(seconds)
+    took = time.monotonic() - begun
+    share = (_cpu_s(web.pid) - used_s) / took
+    rate = (sum(received) - before) / took / max(1, count) / 1000
+    memory = _memory(web.pid)
+    for page in pages:
+        page.cancel()
+    await asyncio.gather(*pages, return_exceptions=True)
+    return share, memory, rate
+
+
+async def _send_pictures(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    """A camera of random bytes in a JPEG's headers: each picture is new."""
+    await reader.readuntil(b"\r\n\r\n")
+    kind = b"multipart/x-mixed-replace; boundary=b"
+    writer.write(b"HTTP/1.0 200 OK\r\nContent-Type: " + kind + b"\r\n\r\n")
+    head = b"\xff\xd8\xff\xc0\x00\x0b\x08\x01\xe0\x02\x80\x01\x01\x11\x00"
+    with suppress(ConnectionError):
+        while not writer.is_closing():
+            picture = head + secrets.token_bytes(PICTURE_BYTES)
+            writer.write(b"--b\r\nContent-Length: %d\r\n\r\n%b\r\n" % (len(picture), picture))
+            await writer.drain()
+            await asyncio.sleep(1.0 / PICTURES_A_SECOND)
+    writer.close()
+
+
+async def _look(where: str, received: list[int], index: int) -> None:
+    address = f"ws://{where}/camera"
+    async with connect(address, origin=f"http://{where}", compression=None) as socket:
+        while True:
+            await socket.send("")
+            received[index] += len(await socket.recv())
 
 
 async def _page(where: str, received: list[int], index: int, *, drives: bool) -> None:

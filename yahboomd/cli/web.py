@@ -138,11 +138,12 @@ def run(args: argparse.Namespace) -> int:
         return _certify(folder, args.host_name)
     if args.new_tokens or args.show_link:
         return _links(args, folder)
+    from yahboomd.cli.config_apart import read_config_apart
     from yahboomd.web.page_tools import ToolSettings
 
     place = _place(args.listen or DEFAULT_PLACE)
     check_source(args)
-    loaded = read_config(args)
+    loaded = read_config_apart(args)
     if loaded.path is not None and loaded.path.parent == SERVICES:
         # Tools that pages use work in the directory of the robot's service, not of the page's.
         os.environ.pop("STATE_DIRECTORY", None)
@@ -303,11 +304,15 @@ async def _until_ended(server: WebServer, hub: PageHub, listener: socket, where:
 
 
 async def _report(hub: PageHub, where: str) -> None:
-    """Print when the daemon comes or goes."""
+    """Print when the daemon comes or goes, and why the camera shows nothing, each once."""
     alive: bool | None = None
+    problem = ""
     while True:
         await asyncio.sleep(1.0)
         if hub.robot.alive != alive:
             alive = hub.robot.alive
             words = "answers" if alive else "does not answer; it is waited for"
             print(f"yahboomd at {where} {words}.", flush=True)
+        if hub.camera is not None and hub.camera.problem not in {"", problem}:
+            problem = hub.camera.problem
+            print(problem, flush=True)
