@@ -1,41 +1,20 @@
 """Launches a file in ROS 2's own `launch`: `launched.py FILE [ARGUMENT:=VALUE ...]`.
 
-Prints a JSON line for each process that starts, and one for the first error. It ends its processes
-when its standard input ends. `launched.py --stand-in ...` is started in place of a node that is not
-available: it prints its name, topics and parameters.
+Prints a JSON line for each process that starts, and those that its processes print. What `launch`
+says itself goes to standard error. It ends its processes when its standard input ends.
 """
 
-import contextlib
 import json
+import os
 import sys
 import threading
 
-TOPICS = ("cmd_vel", "/tf", "/tf_static", "joint_states")
+LINES = os.fdopen(os.dup(1), "w")
+os.dup2(2, 1)
 
 
 def say(**line):
-    print(json.dumps(line), flush=True)
-
-
-def stand_in(arguments):
-    """A node that takes whatever parameters it is given, by ROS 2's own reader of their files."""
-    import rclpy
-    from rclpy.executors import ExternalShutdownException
-
-    rclpy.init(args=[sys.argv[0], *arguments])
-    node = rclpy.create_node("stand_in", automatically_declare_parameters_from_overrides=True)
-    say(
-        event="node",
-        name=node.get_fully_qualified_name(),
-        topics={name: node.resolve_topic_name(name) for name in TOPICS},
-        parameters={
-            name: parameter.value
-            for name, parameter in node.get_parameters_by_prefix("").items()
-            if name != "use_sim_time"
-        },
-    )
-    with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
-        rclpy.spin(node)
+    print(json.dumps(line), file=LINES, flush=True)
 
 
 def launched(path, arguments):
@@ -47,7 +26,7 @@ def launched(path, arguments):
     def printed(event):
         for line in event.text.decode().splitlines():
             if line.startswith("{"):
-                print(line, flush=True)
+                print(line, file=LINES, flush=True)
 
     file = IncludeLaunchDescription(
         PythonLaunchDescriptionSource(path),
@@ -70,7 +49,4 @@ def launched(path, arguments):
 
 
 if __name__ == "__main__":
-    if sys.argv[1] == "--stand-in":
-        stand_in(sys.argv[2:])
-    else:
-        launched(sys.argv[1], sys.argv[2:])
+    launched(sys.argv[1], sys.argv[2:])

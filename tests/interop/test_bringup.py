@@ -9,15 +9,17 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
-from contextlib import closing
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import pytest
-from ros_peers import CACHE, built, free_domain
+from real_robot import RealRobot, wait_for
+from ros_peers import CACHE, EXAMPLE, Bridge, Event, Peer, built, free_domain, start_peer
 
 from yahboomd.core.config import Config
 from yahboomd.tools.ros_files.robot_model import urdf
@@ -27,6 +29,7 @@ pytestmark = pytest.mark.realtime
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "ros2" / "yahboomd_bringup"
 LAUNCHED = Path(__file__).with_name("launched.py")
+STAND_IN = LAUNCHED.with_name("stand_in.py")
 YAHBOOMD = str(Path(sys.executable).with_name("yahboomd"))
 FRAMES = [{"parent": "base_link", "child": "laser", "x": 0.1, "z": 0.2, "yaw": 3.1}]
 MODELS = {
@@ -216,13 +219,13 @@ def need(*packages: str) -> None:
 
 
 @pytest.fixture
-def launch(installed, launch_python, tmp_path) -> Callable[..., list[dict]]:
-    """Launches a file; the events until that number of nodes printed their parameters."""
+def environment(installed, launch_python, tmp_path) -> dict[str, str]:
+    """Of a workspace with the package, and stand-ins in place of all nodes."""
     prefix = tmp_path / "prefix"
     for package, program in {**NODES, **OTHERS}.items():
         stand_in = prefix / "lib" / package / program
         stand_in.parent.mkdir(parents=True)
-        stand_in.write_text(f'#!/bin/sh\nexec {launch_python} {LAUNCHED} --stand-in "$@"\n')
+        stand_in.write_text(f'#!/bin/sh\nexec {launch_python} {STAND_IN} {program} "$@"\n')
         stand_in.chmod(0o755)
         share = prefix / "share" / package
         share.parent.mkdir(parents=True, exist_ok=True)
@@ -234,7 +237,7 @@ def launch(installed, launch_python, tmp_path) -> Callable[..., list[dict]]:
     (modules,) = installed.glob("lib/python*/site-packages")
     others = (os.environ.get(name, "") for name in ("AMENT_PREFIX_PATH", "PYTHONPATH"))
     prefixes, paths = ([each] if each else [] for each in others)
-    environment = {
+    return {
         **os.environ,
         "AMENT_PREFIX_PATH": ":".join([str(installed), str(prefix), *prefixes]),
         "PYTHONPATH": ":".join([str(modules), *paths]),
@@ -242,6 +245,11 @@ def launch(installed, launch_python, tmp_path) -> Callable[..., list[dict]]:
         "ROS_LOG_DIR": str(tmp_path / "log"),
         "TMPDIR": str(tmp_path),
     }
+
+
+@pytest.fixture
+def launch(installed, launch_python, environment, tmp_path) -> Callable[..., list[dict]]:
+    """Launches a file; the events until that number of nodes printed their parameters."""
 
     def start(name: str, text: str, nodes: int, *arguments: str, **more: str) -> list[dict]:
         config = tmp_path / "config.toml"
@@ -379,10 +387,117 @@ def test_nav2_drives_in_the_robots_namespace_with_its_own_transforms(launch) -> 
     assert found["/bot1/velocity_smoother"]["parameters"]["max_velocity"] == [0.2, 0.0, 1.9]
 
 
-def test_costmaps_read_the_scan_of_their_own_robot(launch, tmp_path) -> None:
-    need("nav2_bringup")
-    launch("navigation", SLOW, 11)
-    (file,) = tmp_path.glob("yahboomd-nav2-*.yaml")
-    text = file.read_text()
-    assert text.count("topic: /bot1/scan") == 2
-    assert "topic: /scan" not in text
+BOTS = ("bot1", "bot2")
+IDLE = ("lifecycle_manager", "opennav_docking", "route_server", "smoother_server",
+        "velocity_smoother", "waypoint_follower")  # fmt: skip
+"""They hear neither transforms nor scans."""
+OF_SCANS = ("slam_toolbox", "controller_server", "planner_server", "collision_monitor")
+HEARERS = (*OF_SCANS, "behavior_server", "bt_navigator")
+
+
+def end(peer: Peer) -> None:
+    """`launch` ends all of its nodes before itself."""
+    assert peer.process.stdin is not None
+    peer.process.stdin.close()
+    peer.process.wait(60)
+    peer.close()
+
+
+@pytest.fixture
+def bots(environment, launch_python, installed, tmp_path) -> Iterator[dict[str, Peer]]:
+    """Two simulated robots behind one bridge, and what their `ros2 launch` and its nodes print.
+
+    Each has a lidar, whose range is the number of its robot; Nav2 drives the first one.
+    """
+    need("nav2_bringup", "slam_toolbox")
+    for program in IDLE:
+        for stand_in in (tmp_path / "prefix/lib").glob(f"*/{program}"):
+            stand_in.write_text("#!/bin/sh\nexec sleep 600\n")
+    config = tmp_path / "bridge.json5"
+    config.write_text(re.sub(r'"(/[\w/]+)"(?=[],])', r'"/bot.\1"', EXAMPLE.read_text()))
+    bridge = Bridge(built("bridge"), tmp_path / "bridge.log", config=config, discovery="SUBNET")
+    file = installed / "share/yahboomd_bringup/launch/bringup.launch.py"
+    with ExitStack() as stack:
+        stack.callback(bridge.stop)
+        bridge.start()
+        peers = {}
+        for number, name in enumerate(BOTS, 1):
+            folder = tmp_path / name
+            folder.mkdir()
+            toml = folder / "config.toml"
+            toml.write_text(
+                f'zenoh.namespace = "{name}"\n[ros2]\nstatic_transforms = '
+                '[{ parent = "base_link", child = "laser", x = 0.1, z = 0.2 }]\n'
+            )
+            here = ("--set", f'zenoh.connect=["{bridge.endpoint}"]')
+            robot = RealRobot(folder, run=["--config", str(toml), *here])
+            stack.callback(robot.close)
+            own = {
+                **environment,
+                "ROS_DOMAIN_ID": str(bridge.domain),
+                "ACTS": "0.1" if number == 1 else "0.0",
+            }
+            parts = ("way:=none", "slam:=true", "navigation:=true")
+            given = (f"config:={toml}", f"yahboomd:={YAHBOOMD}", *parts)
+            command = [launch_python, str(LAUNCHED), str(file), *given]
+            peers[name] = start_peer(command, folder / "launch.log", own)
+            stack.callback(end, peers[name])
+            remaps = (f"__ns:=/{name}", "/tf:=tf", "/tf_static:=tf_static")
+            remapped = [part for each in remaps for part in ("-r", each)]
+            command = [launch_python, str(STAND_IN), "lidar", "--ros-args", *remapped]
+            lidar = start_peer(command, folder / "lidar.log", own | {"ACTS": f"{number}"})
+            stack.callback(lidar.close)
+        yield peers
+
+
+def drawn(events: Iterable[Event]) -> str:
+    """The frames that were heard, as a tree; behind each, who was heard to say it."""
+    said: dict[tuple[str, str], set[str]] = {}
+    for event in events:
+        if event["event"] in ("frame", "says"):
+            frames = said.setdefault((event["parent"], event["child"]), set())
+            if event["event"] == "says":
+                frames.add(event["node"].rpartition("/")[2])
+    (root,) = {parent for parent, _ in said} - {child for _, child in said}
+    lines = [root]
+
+    def below(parent: str, margin: str) -> None:
+        children = sorted(child for each, child in said if each == parent)
+        for child in children:
+            last = child == children[-1]
+            who = " and ".join(sorted(said[parent, child])) or "yahboomd"
+            lines.append(f"{margin + ('└─ ' if last else '├─ ') + child:<26}{who}")
+            below(child, margin + ("   " if last else "│  "))
+
+    below(root, "")
+    return "\n".join(lines)
+
+
+def test_two_robots_map_and_navigate_each_with_transforms_and_scans_of_its_own(bots) -> None:
+    """The tree of the page is the one that was heard."""
+    (page,) = re.findall(r"```\n(map\n.*?)\n```", (ROOT / "docs/bringup.md").read_text(), re.DOTALL)
+    frames = {line.split("─ ")[-1].split()[0] for line in page.splitlines()[1:]}
+
+    def told(name: str, kind: str) -> list[Event]:
+        return [event for event in list(bots[name].events) if event["event"] == kind]
+
+    for name in BOTS:
+
+        def complete(name: str = name) -> bool:
+            heard = {(each["node"], each["child"]) for each in told(name, "frame")}
+            scans = {each["node"] for each in told(name, "scan")}
+            nodes = {f"/{name}/{node}" for node in OF_SCANS}
+            return scans >= nodes and heard >= {
+                (f"/{name}/{node}", frame) for node in HEARERS for frame in frames
+            }
+
+        wait_for(complete, f"{name}'s nodes to hear its frames and scans", 240.0)
+    wait_for(lambda: len(told("bot1", "moved")) >= len(HEARERS), "all to hear that it drives")
+    for number, name in enumerate(BOTS, 1):
+        topics = {f"/{name}/tf", f"/{name}/tf_static"}
+        assert {each["topic"] for each in told(name, "frame") + told(name, "says")} == topics
+        assert {(each["topic"], each["of"]) for each in told(name, "scan")} == {
+            (f"/{name}/scan", number)
+        }
+        assert drawn(list(bots[name].events)) == page
+    assert told("bot2", "moved") == []

@@ -186,11 +186,12 @@ def ros_node(distro: str, domain: int, *consumers: str) -> list[str]:
     return [str(python), str(HERE / "ros_node.py"), str(domain), *consumers]
 
 
-def start_peer(command: list[str], log: Path) -> Peer:
+def start_peer(command: list[str], log: Path, environ: dict[str, str] | None = None) -> Peer:
     with log.open("w") as stderr:
         process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=stderr, text=True
-        )
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=stderr, text=True,
+            env=environ,
+        )  # fmt: skip
     peer = Peer(process, log)
     peer.await_event(lambda e: e["event"] == "ready", f"{command[0]} to be ready")
     return peer
