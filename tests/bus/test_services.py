@@ -239,6 +239,15 @@ async def test_an_alarm_outside_the_namespace_takes_its_full_name(bus, app):
     assert payloads(await app.ask(key)) == [b"engaged"]
 
 
+async def test_the_alarm_of_a_group_is_raised_by_wildcards_as_the_robots_own_is(bus, app):
+    bus.serve(
+        "/farm/estop", lambda _: Response(payload=b"engaged"), fallback=refusal, harmless=harmless
+    )
+    for selector in ("farm/estop", "*/estop", "**/estop"):
+        assert payloads(await app.ask(selector)) == [b"engaged"]
+    assert b"before its last part" in payloads(await app.ask("farm/**"))[0]
+
+
 async def test_a_flood_of_harmless_queries_refuses_no_alarm(bus, app):
     """Each kind has a queue of its own; the alarm's is delivered first."""
     order = []

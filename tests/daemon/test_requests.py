@@ -196,6 +196,7 @@ class Bus:
         ] = {}
         self.settle = settle
         self.options: dict[str, dict[str, Any]] = {}
+        self.alarms = set[str]()
         self.raised: Callable[[int, int], None] = lambda count, unread: None
         self.ignored: Callable[[int], None] = lambda count: None
         self.idle: Callable[[int], None] = lambda count: None
@@ -212,12 +213,14 @@ class Bus:
         idle: Callable[[int], None],
         asks_nothing: Callable[[bytes], bool],
     ) -> None:
-        assert key == keys.ESTOP
+        assert key.endswith(keys.ESTOP)
         self.order.append(key)
+        self.alarms.add(key)
         self.raised, self.ignored, self.harmless = raised, ignored, harmless
         self.idle, self.asks_nothing = idle, asks_nothing
 
-    def estop_sample(self, payload: bytes) -> None:
+    def estop_sample(self, payload: bytes, key: str = keys.ESTOP) -> None:
+        assert key in self.alarms
         if self.asks_nothing(payload):
             self.idle(1)
         elif self.harmless(payload):
@@ -267,7 +270,9 @@ async def saved() -> ServiceReply:
     return ServiceReply(success=True, message="Saved.", data={"path": "/a/box"})
 
 
-def served(bench: RobotBench, board: dict[str, Any] | None = None) -> Bus:
+def served(
+    bench: RobotBench, board: dict[str, Any] | None = None, groups: tuple[str, ...] = ()
+) -> Bus:
     bus = Bus(bench.latch.settle)
     services = Services(
         bench.operator,
@@ -277,7 +282,7 @@ def served(bench: RobotBench, board: dict[str, Any] | None = None) -> Bus:
         newest={keys.BATTERY: BatterySample(stamp_ns=1, volts=7.4)}.get,
         save_box=saved,
     )
-    services.serve(bus)  # type: ignore[arg-type]
+    services.serve(bus, groups)  # type: ignore[arg-type]
     return bus
 
 
@@ -496,6 +501,7 @@ async def test_an_alarm_among_too_many_is_answered_with_what_becomes_of_it(tmp_p
 @on_virtual_time
 async def test_an_estop_that_is_offered_elsewhere_too_is_an_alarm_there(tmp_path: Path) -> None:
     """As the native ROS 2 plane offers it; its clients ask only services that are complete."""
+    native = "/0/estop/std_srvs::srv::dds_::SetBool_/RIHS01_1"
     async with RobotBench(tmp_path) as bench:
         await bench.ready()
         bus = served(bench)
@@ -512,15 +518,39 @@ async def test_an_estop_that_is_offered_elsewhere_too_is_an_alarm_there(tmp_path
             keys.ESTOP,
             services.actions[keys.ESTOP],
             lambda request, reply: Response(payload=reply.message.encode()),
-            at="/0/estop",
+            at=native,
         )
-        options = bus.options["/0/estop"]
+        options = bus.options[native]
         assert options["complete"]
         assert options["harmless"](ros2_encoders.boolean(False))
         assert not options["harmless"](ros2_encoders.boolean(True))
         assert not bus.harmless(ros2_encoders.boolean(False))
-        await bus.answer(msgspec.structs.replace(request("/0/estop", b""), harmless=False))
+        await bus.answer(msgspec.structs.replace(request(native, b""), harmless=False))
         assert bench.controller.state()[0] == "estopped"
+
+
+@pytest.mark.parametrize("way", ["sample", "query"])
+@on_virtual_time
+async def test_the_estop_of_a_group_stops_its_robots_and_neither_releases_nor_names_one(
+    tmp_path: Path, way: str
+) -> None:
+    """Every robot of the group answers, not the nearest one."""
+    async with RobotBench(tmp_path) as bench:
+        await bench.ready()
+        bus = served(bench, groups=("farm/north", "farm"))
+        for key in ("/farm/north/yahboomd/estop", "/farm/yahboomd/estop"):
+            assert not bus.options[key]["complete"]
+            assert not bus.options[key].get("wildcards")
+            assert bus.options[key]["harmless"](b'{"engaged": false}')
+            if way == "sample":
+                bus.estop_sample(b"{}", key)
+            else:
+                answer = await bus.ask(key, b'{"by": "the red button"}')
+                assert answer["success"]
+            await bench.until(lambda: bench.controller.state()[0] == "estopped")
+            assert bench.operator.release_estop()[0]
+            await asyncio.sleep(2.0)
+        assert "/farm/yahboomd/estop/reset" not in bus.options
 
 
 @pytest.mark.parametrize(

@@ -32,6 +32,8 @@ address = "{bot1}"
 site = "north"
 [robots.bot3]
 site = "south"
+[robots.bot4]
+site = "south"
 [people.vera]
 role = "viewer"
 [people.dan]
@@ -46,6 +48,13 @@ role = "maintainer"
 
 ROUTERS = {"top": "router", "north": "routers/north", "south": "routers/south"}
 ROBOTS = {"bot1": "farm/north/bot1", "bot2": "farm/north/bot2", "bot3": "farm/south/bot3"}
+LATE = "farm/south/bot4"
+"""A robot of the file that is not there."""
+
+STANDS = (
+    '{"success": true, "message": "Engaged.", '
+    '"data": {"sent": true, "stands": true, "fastest_m_s": 0.0}}'
+)
 
 
 def address() -> str:
@@ -56,8 +65,13 @@ class RecordingRobot:
     """The sessions of one daemon: what reaches it goes to ``heard``."""
 
     def __init__(self, bench: FleetBench, name: str) -> None:
-        self.namespace = ROBOTS[name]
+        self.namespace = ROBOTS.get(name, LATE)
         self.heard: set[tuple[str, str]] = set()
+        self.asked = 0
+        self.answer = self.namespace
+        """The answer to every query; empty: it keeps the query, and never answers."""
+        self._kept: list[zenoh.Query] = []
+        self._tokens: list[zenoh.LivelinessToken] = []
         toml = tomllib.loads(bench.file(f"robots/{name}", ".toml").read_text())["zenoh"]
         options = BusOptions(
             listen=tuple(each for each in toml["listen"] if each.startswith("tls/")),
@@ -81,9 +95,28 @@ class RecordingRobot:
     def _asked(self, query: zenoh.Query) -> None:
         payload = query.payload
         self.heard.add((str(query.key_expr), "" if payload is None else payload.to_string()))
-        if "*" not in str(query.key_expr):
-            query.reply(str(query.key_expr), self.namespace)
+        own = f"{self.namespace}/yahboomd/estop"
+        self.asked += query.key_expr.intersects(zenoh.KeyExpr(own))
+        if not self.answer:
+            self._kept.append(query)
+            return
+        if query.key_expr.intersects(zenoh.KeyExpr(own)):
+            query.reply(own, self.answer)
+        elif "*" not in str(query.key_expr):
+            query.reply(str(query.key_expr), self.answer)
         query.drop()
+
+    def live(self) -> None:
+        """Show the token of a daemon."""
+        for session in self.sessions:
+            key = f"{self.namespace}/yahboomd/alive/{session.zid()}"
+            self._tokens.append(session.liveliness().declare_token(key))
+
+    def leave(self) -> None:
+        """Take the token back."""
+        for token in self._tokens:
+            token.undeclare()
+        self._tokens.clear()
 
 
 class FleetBench:
@@ -104,7 +137,7 @@ class FleetBench:
         return path.with_name(f"{path.name}{ending}")
 
     def groups(self, name: str) -> tuple[str, ...]:
-        place = ROBOTS[name].rpartition("/")[0]
+        place = ROBOTS.get(name, LATE).rpartition("/")[0]
         return f"{place}/yahboomd/estop", "farm/yahboomd/estop"
 
     def open(self, config: zenoh.Config) -> zenoh.Session:
@@ -113,10 +146,14 @@ class FleetBench:
         return session
 
     def start(self) -> None:
-        """Open the routers, the one above first, and the robots."""
+        """Open the routers and the robots."""
+        self.open_routers()
+        self.robots = {name: RecordingRobot(self, name) for name in ROBOTS}
+
+    def open_routers(self) -> None:
+        """Open the routers, the one above first."""
         for name, file in ROUTERS.items():
             self.routers[name] = self.open(zenoh.Config.from_json5(self.file(file).read_text()))
-        self.robots = {name: RecordingRobot(self, name) for name in ROBOTS}
 
     def settled(self) -> None:
         """Wait until everything reaches every robot, through both routers."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from yahboomd.cli.shared_options import (
@@ -62,6 +63,9 @@ the bus: all of this machine, unless --port, --namespace, --config or --set name
 daemon holds the port, the command opens it: it stops the board, watches its counters until the
 wheels stand, and lets its motors go.
 
+--all stops a fleet: it asks each robot until all acknowledged that the stop was sent to their
+boards, and prints who stands, who did not answer and who is not reachable.
+
 A stop that names nothing also ends every `setup` and `tune` of this machine, on whatever port and
 whatever daemon there is: each has a local socket, too. --port ends the one that has that port.
 """
@@ -73,12 +77,14 @@ examples:
   yahboomd stop --release              let a stopped daemon drive again
   yahboomd stop --connect tcp/192.168.1.5:7447
                                        a daemon on another machine
+  yahboomd stop --all                  every robot of the fleet that `yahboomd fleet` knows
   yahboomd stop --direct --port /dev/yahboom_driver
                                        after a daemon was killed: ExecStopPost= of a service
 
 exit status:
   0    the wheels stand; with --release: the emergency stop is released
-  1    they were stopped, and not seen to stand; with --release: it is refused
+  1    they were stopped, and not seen to stand; with --all: some robot does not stand, or is
+       missing; with --release: it is refused
   69   no port, or no daemon
   77   no permission
   78   a mistake in the configuration
@@ -100,6 +106,18 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="release the daemon's emergency stop, and clear a fault (refused while something "
         "commands motion)",
     )
+    how.add_argument(
+        "--all",
+        action="store_true",
+        help="stop every robot of a fleet, over its routers, and go on until each acknowledged; "
+        "Ctrl-C ends it",
+    )
+    parser.add_argument(
+        "--fleet",
+        metavar="FILE",
+        type=Path,
+        help="with --all: your file of `yahboomd fleet` (default: ~/.config/yahboomd/fleet.json5)",
+    )
     add_port_option(parser)
     add_bus_options(parser)
     add_config_options(parser)
@@ -107,6 +125,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Stop, or release the emergency stop."""
+    if args.all:
+        return _all(args.fleet)
     if args.release:
         return _release(args)
     if args.connect:
@@ -130,6 +150,27 @@ def _release(args: argparse.Namespace) -> int:
     answered = [robot for robot in found if not robot.silent and wanted.fits(robot)]
     print(f"{answered[0].name}: {words}" if len(answered) == 1 else words)
     return os.EX_OK
+
+
+def _all(named: Path | None) -> int:
+    import asyncio
+
+    from yahboomd.core.clock import SystemClock
+    from yahboomd.tools.fleet.fleet_list import read_list
+    from yahboomd.tools.fleet.fleet_stop import FleetStop
+    from yahboomd.tools.fleet.stop_all import StopAll
+
+    config = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
+    papers = named or Path(config, "yahboomd", "fleet.json5")
+    fleet = read_list(papers)
+    progress = FleetStop(fleet.robots)
+    print(f"Stopping {len(fleet.robots)} robots. Ctrl-C ends it.", flush=True)
+    try:
+        asyncio.run(StopAll(fleet, papers, progress, warn, SystemClock()).run())
+    except KeyboardInterrupt:
+        warn("Ended: from now on nothing repeats the stop for the robots that are missing.")
+    print("\n".join(progress.report()))
+    return _status(progress.all_stand)
 
 
 def _needs_no_configuration(args: argparse.Namespace) -> bool:

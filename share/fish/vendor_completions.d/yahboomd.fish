@@ -81,6 +81,8 @@ complete -c yahboomd -n '__yahboomd_at simulate' -l chunk -x -d 'period in which
 complete -c yahboomd -n '__yahboomd_at stop' -s h -l help -d 'show this help message and exit'
 complete -c yahboomd -n '__yahboomd_at stop' -l direct -d 'on the port only, and at once: ask no daemon'
 complete -c yahboomd -n '__yahboomd_at stop' -l release -d 'release the daemon\'s emergency stop, and clear a fault'
+complete -c yahboomd -n '__yahboomd_at stop' -l all -d 'stop every robot of a fleet, over its routers, and go on until each acknowledged'
+complete -c yahboomd -n '__yahboomd_at stop' -l fleet -r -F -d 'with --all: your file of `yahboomd fleet`'
 complete -c yahboomd -n '__yahboomd_at stop' -l port -r -F -d 'serial port of the board, such as /dev/ttyUSB0'
 complete -c yahboomd -n '__yahboomd_at stop' -l namespace -x -d 'name of the robot, short for --set zenoh.namespace=NAME'
 complete -c yahboomd -n '__yahboomd_at stop' -l connect -x -d 'where to reach the daemon or its router, such as tcp/192.168.1.5:7447'

@@ -9,17 +9,12 @@ import pytest
 
 pytest.importorskip("cryptography")
 
+from yahboomd.core.config import Config
 from yahboomd.core.config import read as read_config
-from yahboomd.core.config.outputs import Zenoh
 from yahboomd.core.errors import ConfigError
 from yahboomd.tools.fleet.authority import end_of, name_in
-from yahboomd.tools.fleet.fleet_files import (
-    FLEET,
-    FleetFolder,
-    identity_in,
-    read_zenoh,
-    rules_in,
-)
+from yahboomd.tools.fleet.fleet_files import FleetFolder, identity_in, rules_in
+from yahboomd.tools.fleet.fleet_list import read_zenoh
 from yahboomd.tools.fleet.fleet_plan import FleetPlan, PlannedPerson, PlannedRobot, PlannedSite
 
 NOW = datetime(2030, 1, 1, tzinfo=UTC)
@@ -94,24 +89,18 @@ def test_each_file_has_the_certificate_of_its_name_and_closes_links_as_it_ends(
 def test_a_robots_settings_are_valid_and_name_its_place_and_its_router(
     made: FleetFolder,
 ) -> None:
-    def settings(robot: str) -> Zenoh:
+    def settings(robot: str) -> Config:
         file = made.folder / "robots" / f"{robot}.toml"
         # The file of Zenoh's lies beside it here.
         place = f"zenoh.config={file.with_suffix('.json5')}"
-        return read_config(file, environ={}, overrides=[place]).config.zenoh
+        return read_config(file, environ={}, overrides=[place]).config
 
-    found = settings("bot1")
+    assert settings("bot1").estop.groups == ("farm/north", "farm")
+    found = settings("bot1").zenoh
     assert found.namespace == "farm/north/bot1"
     assert found.connect == ("tls/north.example:7447",)
     assert found.listen == ("tcp/127.0.0.1:7448", "tls/0.0.0.0:7449")
-    assert settings("bot2").listen == ("tcp/127.0.0.1:7448",)
-
-
-def test_a_persons_file_lists_the_robots_of_the_role(made: FleetFolder) -> None:
-    found = read_zenoh(made.folder / "people/dan.json5")["metadata"][FLEET]
-    assert found["robots"] == ["farm/north/bot1"]
-    assert found["connect"] == ["tls/top.example:7447"]
-    assert found["places"] == ["farm/north"]
+    assert settings("bot2").zenoh.listen == ("tcp/127.0.0.1:7448",)
 
 
 def test_an_authority_is_made_once(made: FleetFolder) -> None:

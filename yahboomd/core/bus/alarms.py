@@ -47,13 +47,13 @@ def is_named(key: str, selector: str) -> bool:
     """Whether a query asks for an alarm's key, and not for everything.
 
     Wildcards may stand before the last part, so that one query stops several robots. The last part
-    must be written out: programs that list a network ask for ``**`` or ``yahboomd/*``. A key
-    outside the namespace (``/``) ends in a type that many keys share, and needs its full name.
+    must be written out: programs that list a network ask for ``**`` or ``yahboomd/*``. A key of
+    ROS 2 (``::dds_::``) ends in a type that many keys share, and needs its full name.
 
     Args:
         key: As declared, below the namespace.
     """
-    return not key.startswith("/") and selector.rpartition("/")[2] == key.rpartition("/")[2]
+    return "::dds_::" not in key and selector.rpartition("/")[2] == key.rpartition("/")[2]
 
 
 class AlarmSubscriber:

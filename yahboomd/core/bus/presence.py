@@ -162,7 +162,6 @@ class Neighbours:
         )
 
     def watch(self, watcher: Callable[[list[NeighbourChange]], None]) -> None:
-        """Report changes to ``watcher`` too, on the loop."""
         self._watchers.append(watcher)
 
     def now(self) -> tuple[Neighbour, ...]:

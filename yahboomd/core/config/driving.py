@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from yahboomd.core.config.values import AbsolutePath, Over, Positive, Section, SourceKey, key
+from yahboomd.core.config.values import AbsolutePath, Key, Over, Positive, Section, SourceKey, key
 from yahboomd.core.drive import limiter as drive
 from yahboomd.core.drive.rest import AtRest
 
@@ -150,8 +150,14 @@ class Faults(Section):
 
 
 class Estop(Section):
-    """The emergency stop's memory."""
+    """The emergency stop: what else engages it, and its memory."""
 
+    groups: tuple[Key, ...] = key(
+        default=(),
+        strict=False,
+        description="Groups that stop together, such as a site and a fleet: the e-stop on "
+        "GROUP/yahboomd/estop stops this robot too.",
+    )
     latch_file: AbsolutePath = key(
         default="",
         description="File that remembers an engaged emergency stop over a restart. Empty: estop "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Iterable, Mapping
 from functools import partial
 from typing import Any
 
@@ -219,10 +219,13 @@ class Services:
         }
         """The handler of each service, by its key; the e-stop first."""
 
-    def serve(self, bus: Bus) -> None:
-        """Declare everything on an open session; the e-stop first."""
+    def serve(self, bus: Bus, groups: Iterable[str] = ()) -> None:
+        """Declare everything on an open session; the e-stop first, also that of ``groups``."""
         self._neighbours = lambda: bus.neighbours
         self.hear_estop(bus, keys.ESTOP)
+        for at in (f"/{keys.full_key(group, keys.ESTOP)}" for group in groups):
+            self.hear_estop(bus, at)
+            self.offer(bus, keys.ESTOP, self._estop_query, at=at)
         for key, action in self.actions.items():
             self.offer(bus, key, action)
         for key in keys.SAMPLES:
@@ -230,7 +233,6 @@ class Services:
         bus.serve(keys.BLACKBOX_SAVE, self._save, fallback=self._refuse)
 
     def hear_estop(self, bus: Bus, at: str) -> None:
-        """Subscribe to the e-stop's samples on a key."""
         bus.alarm(
             at,
             self._estop_samples,
@@ -260,8 +262,7 @@ class Services:
         def respond(request: BusQuery) -> Response | Awaitable[Response]:
             reply = action(request)
             # The acknowledgement follows when the stop was sent and the latch is on file.
-            later = estop and reply.success
-            return acknowledged(request, reply) if later else encode(request, reply)
+            return (acknowledged if estop and reply.success else encode)(request, reply)
 
         bus.serve(
             at or key,
@@ -274,7 +275,7 @@ class Services:
             harmless=partial(is_release_attempt, query="Trigger_" not in at) if estop else None,
             # A client that names no target reaches one service that is complete, or all that are
             # not: two daemons on one key must both stop. rmw_zenoh asks only complete ones.
-            complete=not estop or bool(at),
+            complete=not estop or "::dds_::" in at,
         )
 
     def _sample(self, request: BusQuery) -> Response:
@@ -305,9 +306,8 @@ class Services:
             words = self._operator.refuse_release("a query on yahboomd/estop")
             return ServiceReply(success=False, message=words)
         unread = request.oversize or len(request.payload) > READ_BYTES
-        by = f"a query on yahboomd/estop{self._senders()}"
-        if not unread and (name := estop_by(request.payload)):
-            by = name
+        name = "" if unread else estop_by(request.payload)
+        by = name or f"a query on yahboomd/estop{self._senders()}"
         words = self._operator.engage_estop(by, unread=int(unread))
         return ServiceReply(success=True, message=words)
 
@@ -328,8 +328,7 @@ class Services:
         return ServiceReply(success=released, message=words)
 
     def _odometry_reset(self, _request: BusQuery) -> ServiceReply:
-        words = self._operator.set_pose(Pose2d(), None)
-        return ServiceReply(success=True, message=words)
+        return ServiceReply(success=True, message=self._operator.set_pose(Pose2d(), None))
 
     def _set_pose(self, request: BusQuery) -> ServiceReply:
         wanted = decode_set_pose(request.payload)
@@ -338,15 +337,11 @@ class Services:
             words = f"The pose stays as it is: {problem}. {SET_POSE_TAKES}"
             return ServiceReply(success=False, message=words)
         pose = Pose2d(x=wanted.x, y=wanted.y, theta=wanted.theta)
-        words = self._operator.set_pose(pose, wanted.covariance)
-        return ServiceReply(success=True, message=words)
+        return ServiceReply(success=True, message=self._operator.set_pose(pose, wanted.covariance))
 
     def _answer_config(self, _request: BusQuery) -> ServiceReply:
-        return ServiceReply(
-            success=True,
-            message="The configuration in effect.",
-            data={"version": __version__, **self._config()},
-        )
+        data = {"version": __version__, **self._config()}
+        return ServiceReply(success=True, message="The configuration in effect.", data=data)
 
     def _answer_board(self, _request: BusQuery) -> ServiceReply:
         data = self._board()
@@ -371,8 +366,7 @@ def _seen(data: Mapping[str, Any]) -> str:
         return "It was sent; no counts show whether the wheels stand."
     if data["stands"]:
         return "It was sent, and the wheels stand."
-    speed = f"{data['fastest_m_s']:.2f} m/s"
-    return f"It was sent; at that moment the counts showed wheels at {speed}."
+    return f"It was sent; at that moment the counts showed wheels at {data['fastest_m_s']:.2f} m/s."
 
 
 def _refusal(reason: str, request: BusQuery) -> str:

@@ -218,7 +218,7 @@ class Daemon:
         )
         # The e-stop is there before anything can be commanded.
         await local.open()
-        services.serve(bus)
+        services.serve(bus, config.estop.groups)
         for source in config.command.sources:
             bus.subscribe(source, intake.handler(source), keep_oversize=True)
         poses = PoseIntake(operator, config.ros2.frame_prefix + config.odometry.frame_id)

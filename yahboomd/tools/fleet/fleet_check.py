@@ -10,7 +10,8 @@ import msgspec
 
 from yahboomd.core.errors import ConfigError
 from yahboomd.tools.fleet.authority import end_of, name_in
-from yahboomd.tools.fleet.fleet_files import FleetFolder, identity_in, read_zenoh, rules_in
+from yahboomd.tools.fleet.fleet_files import FleetFolder, identity_in, rules_in
+from yahboomd.tools.fleet.fleet_list import read_zenoh
 from yahboomd.tools.fleet.fleet_plan import TOP, FleetPlan, person_id, robot_id, router_id
 from yahboomd.tools.fleet.fleet_rules import RIGHTS, AccessControl, Right, is_allowed
 

@@ -12,12 +12,12 @@ import os
 from collections.abc import Iterable
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import Any, TypeAlias
 
 import msgspec
 
 from yahboomd.core.errors import ConfigError
 from yahboomd.tools.fleet.authority import Authority, Issued, end_of, make_authority
+from yahboomd.tools.fleet.fleet_list import FLEET, FleetList, ZenohFile, read_zenoh
 from yahboomd.tools.fleet.fleet_plan import (
     LOCAL_PORT,
     TOP,
@@ -30,11 +30,6 @@ from yahboomd.tools.fleet.fleet_rules import AccessControl, robot_rules, router_
 
 ROUTERS, ROBOTS, PEOPLE = "routers", "robots", "people"
 KEY, CERTIFICATE, REVOKED = "authority.key", "authority.pem", "revoked.json"
-FLEET = "yahboomd_fleet"
-"""The name of a person's list of robots in ``metadata`` of the file, which Zenoh ignores."""
-
-ZenohFile: TypeAlias = dict[str, Any]
-
 _HEADER = "// Made by `yahboomd fleet`. It has a private key in it: nobody else may read it.\n"
 _CONFIG = "/etc/yahboomd/zenoh.json5"
 
@@ -177,7 +172,7 @@ class FleetFolder:
         content: ZenohFile = {"transport": {"link": {"tls": self._tls(issued)}}}
         kind, _, which = name.partition(".")
         if kind == "person":
-            content["metadata"] = {FLEET: self._list(which, gone)}
+            content["metadata"] = {FLEET: msgspec.to_builtins(self._list(which, gone))}
         elif kind == "robot":
             content["access_control"] = robot_rules(plan, which, gone)
         else:
@@ -217,22 +212,25 @@ class FleetFolder:
             "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
         }
 
-    def _list(self, person: str, gone: set[str]) -> ZenohFile:
+    def _list(self, person: str, gone: set[str]) -> FleetList:
         plan = self._plan
         mine = [
             robot
             for robot in plan.robots
             if plan.reaches(person, robot) and robot_id(robot) not in gone
         ]
-        sites = {plan.robots[robot].site for robot in mine}
-        near = [plan.router] if plan.router else [plan.sites[site].router for site in sites]
-        return {
-            "person": person,
-            "role": plan.people[person].role,
-            "connect": [f"tls/{each}" for each in near],
-            "places": plan.places(person),
-            "robots": [plan.namespace(robot) for robot in mine],
-        }
+        places = plan.places(person)
+        ways = {f"tls/{plan.router}": places} if plan.router else {}
+        for site in dict.fromkeys(plan.robots[robot].site for robot in mine):
+            home = f"{plan.fleet}/{site}"
+            here = [each for each in places if each.startswith(home)]
+            ways[f"tls/{plan.sites[site].router}"] = here or [home]
+        return FleetList(
+            person=person,
+            role=plan.people[person].role,
+            ways=ways,
+            robots=[plan.namespace(robot) for robot in mine],
+        )
 
     def _robot_toml(self, robot: str) -> str:
         plan = self._plan
@@ -248,27 +246,9 @@ class FleetFolder:
             f"listen = {json.dumps(listen)}\n"
             f'connect = ["tls/{plan.sites[planned.site].router}"]\n'
             f'config = "{_CONFIG}"\n'
+            "[estop]\n"
+            f"groups = {json.dumps(plan.groups(robot))}\n"
         )
-
-
-def read_zenoh(path: Path) -> ZenohFile:
-    """Read a file that this module wrote.
-
-    Raises:
-        ConfigError: It is none.
-    """
-    try:
-        lines = path.read_text().splitlines()
-        found = json.loads("\n".join(line for line in lines if not line.startswith("//")))
-        found["transport"]["link"]["tls"]["connect_private_key_base64"]
-    except OSError as error:
-        raise ConfigError(f"{path} cannot be read: {error.strerror}.") from error
-    except (ValueError, LookupError, TypeError) as error:
-        raise ConfigError(
-            f"{path} is no file of `yahboomd fleet`.",
-            remedy="`yahboomd fleet add` writes it anew if you remove it.",
-        ) from error
-    return dict(found)
 
 
 def identity_in(file: ZenohFile) -> Issued:

@@ -1,0 +1,117 @@
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from yahboomd.core.messages.native import ServiceReply
+from yahboomd.tools.fleet.fleet_stop import STAND_WITHIN_S, FleetStop
+
+BOTS = ("farm/north/bot1", "farm/north/bot2", "farm/south/bot3")
+ONE, TWO, THREE = BOTS
+
+
+def reply(*, stands: bool | None = True, speed: float | None = 0.0) -> ServiceReply:
+    data: dict[str, Any] = {"sent": True, "stands": stands, "fastest_m_s": speed}
+    return ServiceReply(success=True, message="Engaged.", data=data)
+
+
+NOT_SENT = ServiceReply(success=False, message="The port takes no output.\x1b[31m")
+
+
+@pytest.fixture
+def stop() -> FleetStop:
+    return FleetStop(BOTS)
+
+
+def test_it_is_over_when_every_known_robot_acknowledged_and_stands(stop: FleetStop) -> None:
+    assert stop.missing == list(BOTS)
+    for at, robot in enumerate(BOTS):
+        assert not stop.is_over(float(at))
+        assert not stop.all_stand
+        stop.answered(robot, reply(), at / 10)
+    assert stop.is_over(0.2)
+    assert stop.all_stand
+    assert stop.report() == ["3 of 3 robots acknowledged, the last after 0.20 s; 3 stand."]
+
+
+def test_a_robot_that_could_not_send_the_stop_has_not_acknowledged(stop: FleetStop) -> None:
+    stop.answered(ONE, NOT_SENT, 0.1)
+    assert ONE in stop.missing
+    assert f"{ONE}: it answered and was not stopped. The port takes no output. [31m" in (
+        stop.report()
+    )
+    stop.answered(ONE, reply(), 0.6)
+    assert ONE not in stop.missing
+    assert not any(line.startswith(ONE) for line in stop.report())
+
+
+def test_who_did_not_answer_and_who_is_not_reachable_are_named_apart(stop: FleetStop) -> None:
+    stop.answered(ONE, reply(), 0.1)
+    stop.seen(TWO, present=True)
+    assert stop.report() == [
+        "1 of 3 robots acknowledged, the last after 0.10 s; 1 stand.",
+        f"{TWO}: did not answer, although its daemon is there.",
+        f"{THREE}: is not reachable.",
+    ]
+    assert stop.progress() == f"1 of 3 robots acknowledged. Missing: {TWO}, {THREE}."
+    assert not stop.all_stand
+
+
+def test_wheels_have_three_seconds_to_come_to_rest_and_are_reported_then(stop: FleetStop) -> None:
+    for robot in (TWO, THREE):
+        stop.answered(robot, reply(), 0.1)
+    stop.answered(ONE, reply(stands=False, speed=0.4), 0.1)
+    assert stop.turning(0.2) == [ONE]
+    assert not stop.is_over(0.2)
+    stop.answered(ONE, reply(stands=False, speed=0.3), 0.6)
+    assert stop.is_over(0.1 + STAND_WITHIN_S)
+    assert not stop.all_stand
+    assert stop.report()[1:] == [
+        f"{ONE}: stopped; its wheels still turned at 0.30 m/s when it answered last."
+    ]
+    stop.answered(ONE, reply(), 3.2)
+    assert stop.all_stand
+    # The time is that of its first acknowledgement.
+    assert stop.report() == ["3 of 3 robots acknowledged, the last after 0.10 s; 3 stand."]
+
+
+def test_without_counts_nothing_is_waited_for_and_nothing_is_claimed(stop: FleetStop) -> None:
+    for robot in BOTS:
+        stop.answered(robot, reply(stands=None, speed=None), 0.1)
+    assert stop.is_over(0.1)
+    assert not stop.all_stand
+    assert f"{ONE}: stopped; no counts show whether its wheels stand." in stop.report()
+
+
+def test_a_robot_that_left_and_came_again_has_to_acknowledge_again(stop: FleetStop) -> None:
+    stop.answered(ONE, reply(), 0.1)
+    # Its token is seen after its answer: it has not left.
+    assert not stop.seen(ONE, present=True)
+    assert ONE not in stop.missing
+    assert not stop.seen(ONE, present=False)
+    assert ONE not in stop.missing
+    assert stop.seen(ONE, present=True)
+    assert ONE in stop.missing
+    stop.answered(ONE, reply(), 0.9)
+    assert ONE not in stop.missing
+    assert not stop.seen(ONE, present=True)
+    assert ONE not in stop.missing
+
+
+def test_a_robot_that_appears_is_asked_at_once(stop: FleetStop) -> None:
+    assert stop.seen(ONE, present=True)
+    assert not stop.seen(ONE, present=True)
+
+
+def test_a_robot_that_is_in_no_list_and_answers_is_in_the_report(stop: FleetStop) -> None:
+    for robot in BOTS:
+        stop.answered(robot, reply(), 0.1)
+    stop.answered("farm/south/new", reply(stands=False, speed=1.0), 0.2)
+    assert stop.report()[0] == "4 of 4 robots acknowledged, the last after 0.20 s; 3 stand."
+    assert not stop.is_over(0.2)
+
+
+def test_progress_names_some_of_many() -> None:
+    stop = FleetStop(f"farm/north/bot{n}" for n in range(50))
+    assert stop.progress().endswith("farm/north/bot5 and 44 more.")

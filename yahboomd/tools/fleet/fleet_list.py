@@ -1,0 +1,66 @@
+"""A person's file: the papers for the routers, and the robots to which they lead."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import msgspec
+
+from yahboomd.core.errors import ConfigError
+from yahboomd.tools.fleet.fleet_plan import Role
+
+FLEET = "yahboomd_fleet"
+"""The name of the list in ``metadata`` of the file, which Zenoh ignores."""
+
+ZenohFile: TypeAlias = dict[str, Any]
+
+
+class FleetList(msgspec.Struct, frozen=True, kw_only=True):
+    """The robots of a person.
+
+    Attributes:
+        ways: The endpoints of routers, with the places behind each: a fleet, sites, robots.
+        robots: The namespaces of the robots.
+    """
+
+    person: str
+    role: Role
+    ways: dict[str, list[str]]
+    robots: list[str]
+
+
+def read_zenoh(path: Path) -> ZenohFile:
+    """Read a file that this module wrote.
+
+    Raises:
+        ConfigError: It is none.
+    """
+    try:
+        lines = path.read_text().splitlines()
+        found = json.loads("\n".join(line for line in lines if not line.startswith("//")))
+        found["transport"]["link"]["tls"]["connect_private_key_base64"]
+    except OSError as error:
+        raise ConfigError(f"{path} cannot be read: {error.strerror}.") from error
+    except (ValueError, LookupError, TypeError) as error:
+        raise ConfigError(
+            f"{path} is no file of `yahboomd fleet`.",
+            remedy="`yahboomd fleet add` writes it anew if you remove it.",
+        ) from error
+    return dict(found)
+
+
+def read_list(path: Path) -> FleetList:
+    """Read the list of robots in a person's file.
+
+    Raises:
+        ConfigError: There is none in it.
+    """
+    try:
+        return msgspec.convert(read_zenoh(path)["metadata"][FLEET], FleetList)
+    except (LookupError, TypeError, msgspec.ValidationError) as error:
+        raise ConfigError(
+            f"{path} lists no robots: it is not the file of a person.",
+            remedy="`yahboomd fleet` writes one for each person, in the folder people/.",
+        ) from error

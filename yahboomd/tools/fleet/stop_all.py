@@ -1,0 +1,236 @@
+"""Stops every robot of a fleet, over every router that leads to it, until each acknowledged.
+
+The stop goes out as a sample on the key of each group, for every robot there, known or not; and as
+a query, which each robot answers on its own key. The routers' rules let a robot's certificate
+answer on no other key, so that nobody acknowledges for another robot.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+
+import msgspec
+import zenoh
+from zenoh.handlers import Callback
+
+from yahboomd.client.streams import read_sample
+from yahboomd.core.bus import keys
+from yahboomd.core.bus.blocking import bounded
+from yahboomd.core.bus.bus import Bus
+from yahboomd.core.bus.keys import full_key, holder_key
+from yahboomd.core.bus.options import BusOptions, zenoh_config
+from yahboomd.core.bus.presence import TokenChange
+from yahboomd.core.clock import Clock, seconds
+from yahboomd.core.errors import BusError
+from yahboomd.core.messages.native import ServiceReply
+from yahboomd.tools.fleet.fleet_list import FleetList
+from yahboomd.tools.fleet.fleet_plan import stop_key
+from yahboomd.tools.fleet.fleet_stop import FleetStop
+
+AGAIN_S = 0.5
+"""Missing robots are asked again this often, and a router that is away is tried again."""
+
+ANSWER_S = 5.0
+"""A query is given up after this time; later ones have been sent by then."""
+
+TELL_S = 2.0
+"""How often missing robots are named."""
+
+_LONGEST_NAME = 24
+
+
+class FleetWay:
+    """A router, and the robots behind it.
+
+    Args:
+        places: A fleet, sites and robots behind the router.
+    """
+
+    def __init__(self, options: BusOptions, places: list[str], stop: StopAll) -> None:
+        self._options = options
+        self._places = places
+        self._stop = stop
+        self.wake = asyncio.Event()
+        """Set to send at once to the robots that are wanted."""
+
+    async def run(self) -> None:
+        """Send as soon as the router is there, and again while robots are missing.
+
+        Raises:
+            BusError: The papers cannot be used.
+        """
+        zenoh_config(self._options)
+        bus = Bus(self._options)
+        while True:
+            try:
+                await bus.open()
+                break
+            except BusError:
+                # The router is away, or refuses the papers: Zenoh does not tell which.
+                await asyncio.sleep(AGAIN_S)
+                bus = Bus(self._options)
+        try:
+            await self._send_all(bus)
+        finally:
+            await bus.close()
+
+    async def _send_all(self, bus: Bus) -> None:
+        mine = list(filter(self._leads_to, self._stop.progress.robots))
+        wide = [stop_key(place + "/*" * (2 - place.count("/"))) for place in self._places]
+        # First one question for all: it reaches robots that are not in the list, too.
+        await self._send(bus, wide)
+        for robot in mine:
+            pattern = holder_key(full_key(robot, keys.ALIVE), "*")
+            bus.watch_tokens(pattern, partial(self._stop.seen, self, robot))
+        while True:
+            self.wake.clear()
+            with suppress(TimeoutError):
+                async with asyncio.timeout(AGAIN_S):
+                    await self.wake.wait()
+            if wanted := [stop_key(each) for each in self._stop.wanted if self._leads_to(each)]:
+                await self._send(bus, wanted)
+
+    def _leads_to(self, robot: str) -> bool:
+        return any(f"{robot}/".startswith(f"{place}/") for place in self._places)
+
+    async def _send(self, bus: Bus, selectors: list[str]) -> None:
+        groups = [stop_key(place) for place in self._places if place.count("/") < 2]
+        call = partial(_send, bus.session, groups, selectors, self._stop)
+        # A connection that takes nothing is closed by Zenoh after a second.
+        with suppress(TimeoutError, zenoh.ZError):
+            await bounded(call, timeout_s=ANSWER_S, name="fleet-stop")
+
+
+class StopAll:
+    """Sends a stop until every known robot acknowledged it.
+
+    Args:
+        fleet: The robots, and the ways to them.
+        papers: The person's file.
+        progress: Collects the answers; it can be read after an interrupt, too.
+        tell: Takes a line of progress for a person.
+    """
+
+    def __init__(
+        self,
+        fleet: FleetList,
+        papers: Path,
+        progress: FleetStop,
+        tell: Callable[[str], None],
+        clock: Clock,
+    ) -> None:
+        self.progress = progress
+        self.payload = msgspec.json.encode(
+            {"by": f"{fleet.person[:_LONGEST_NAME]}, yahboomd stop --all"}
+        )
+        self._fleet = fleet
+        self._papers = papers
+        self._tell = tell
+        self._clock = clock
+        self._began_ns = clock.now_ns()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._news = asyncio.Event()
+        self._tokens: dict[str, set[str]] = {}
+        self._ways: list[FleetWay] = []
+
+    @property
+    def wanted(self) -> list[str]:
+        """The robots that the stop is sent to again."""
+        return self.progress.missing + self.progress.turning(self._now_s())
+
+    async def run(self) -> None:
+        """Stop them; returns when all acknowledged, and stand or had three seconds for it.
+
+        Raises:
+            BusError: The papers cannot be used.
+        """
+        self._loop = asyncio.get_running_loop()
+        self._ways = [
+            FleetWay(_options(endpoint, self._papers), places, self)
+            for endpoint, places in self._fleet.ways.items()
+        ]
+        tasks = [asyncio.create_task(way.run(), name="fleet-way") for way in self._ways]
+        told_s, told = 0.0, ""
+        try:
+            while not self.progress.is_over(now_s := self._now_s()):
+                for task in tasks:
+                    if task.done():
+                        task.result()
+                if now_s - told_s >= TELL_S and told != (words := self.progress.progress()):
+                    told_s, told = now_s, words
+                    self._tell(words)
+                self._news.clear()
+                with suppress(TimeoutError):
+                    async with asyncio.timeout(AGAIN_S):
+                        await self._news.wait()
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+
+    def seen(self, way: FleetWay, robot: str, changes: list[TokenChange]) -> None:
+        """Note tokens of a robot, as one way shows them."""
+        tokens = self._tokens.setdefault(robot, set())
+        for change in changes:
+            (tokens.add if change.present else tokens.discard)(f"{id(way)} {change.key}")
+        if self.progress.seen(robot, present=bool(tokens)):
+            for each in self._ways:
+                each.wake.set()
+        self._news.set()
+
+    def replied(self, reply: zenoh.Reply) -> None:
+        """Take a robot's answer, in Zenoh's thread."""
+        if self._loop is None or reply.ok is None:
+            return
+        key, payload = str(reply.ok.key_expr), reply.ok.payload.to_bytes()
+        with suppress(RuntimeError):  # the loop has ended
+            self._loop.call_soon_threadsafe(self._answered, key, payload)
+
+    def _answered(self, key: str, payload: bytes) -> None:
+        answer = read_sample(payload, ServiceReply)
+        if answer is not None and key.endswith(f"/{keys.ESTOP}"):
+            self.progress.answered(key.removesuffix(f"/{keys.ESTOP}"), answer, self._now_s())
+            self._news.set()
+
+    def _now_s(self) -> float:
+        return seconds(self._clock.now_ns() - self._began_ns)
+
+
+def _send(session: zenoh.Session, groups: list[str], selectors: list[str], stop: StopAll) -> None:
+    """Send the stop: as samples to groups, and as queries."""
+    for key in groups:
+        session.put(
+            key,
+            stop.payload,
+            priority=zenoh.Priority.REAL_TIME,
+            congestion_control=zenoh.CongestionControl.BLOCK,
+            express=True,
+        )
+    for selector in selectors:
+        session.get(
+            selector,
+            Callback(stop.replied, indirect=False),
+            target=zenoh.QueryTarget.ALL,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            timeout=ANSWER_S,
+            priority=zenoh.Priority.REAL_TIME,
+            congestion_control=zenoh.CongestionControl.BLOCK,
+            express=True,
+            payload=stop.payload,
+            encoding="application/json",
+        )
+
+
+def _options(endpoint: str, papers: Path) -> BusOptions:
+    return BusOptions(
+        mode="client",
+        listen=(),
+        connect=(endpoint,),
+        config_file=papers,
+        enforces=False,
+        open_timeout_s=10.0,
+    )
