@@ -19,7 +19,7 @@ PARALLEL = -n $(WORKERS) --dist loadgroup
 # Suites with targets of their own: they need programs of other languages.
 OWN_TARGETS := interop generators clients browser firmware
 # Robots that drive, though on virtual time.
-WHOLE_ROBOTS := faults whole benchmarks cli/setup cli/tune
+WHOLE_ROBOTS := faults whole benchmarks tools/calibrate tools/setup tools/tune moves/test_mover.py
 REST := $(if $(findstring tests/,$(ARGS)),,$(OWN_TARGETS:%=--ignore=tests/%))
 
 .DEFAULT_GOAL := help
@@ -49,7 +49,7 @@ quick: $(VENV)/.dev ## in a minute: lint, types, imports, tests of single rooms 
 	@$(MAKE) --no-print-directory -j lint types imports single-rooms
 
 single-rooms: $(VENV)/.dev
-	$(PYTEST) -q -n $$(($(CORES) + 1)) --hypothesis-profile=few -m "not realtime" $(WHOLE_ROBOTS:%=--ignore=tests/%) $(REST) $(ARGS)
+	$(PYTEST) -q -n $(CORES) --hypothesis-profile=few -m "not realtime" $(WHOLE_ROBOTS:%=--ignore=tests/%) $(REST) $(ARGS)
 
 test: $(VENV)/.dev check ## set up, and pass every check of the daemon (ARGS='tests/drive -x' runs these tests only)
 

@@ -196,6 +196,14 @@ def read(folder: str) -> dict[Path, str]:
     return {path: path.read_text() for path in sorted((ROOT / folder).rglob("*.py"))}
 
 
+def test_suites_that_a_target_leaves_out_are_there() -> None:
+    makefile = (ROOT / "Makefile").read_text()
+    for named in ("WHOLE_ROBOTS", "OWN_TARGETS"):
+        suites = re.search(rf"^{named} := (.+)", makefile, re.MULTILINE)
+        assert suites
+        assert [each for each in suites[1].split() if not (ROOT / "tests" / each).exists()] == []
+
+
 def test_no_code_is_there_for_tests_alone() -> None:
     """But in the simulator, with which tests measure."""
     callers = [

@@ -160,7 +160,7 @@ def test_without_room_for_a_thread_work_is_refused_and_the_next_one_is_done(monk
 
 
 def test_it_ends_well_while_its_first_call_comes_from_another_thread():
-    for _ in range(300):
+    for _ in range(60):
         sender = Sender("first-sender")
         first = threading.Thread(target=sender.send, args=(lambda: None,))
         first.start()

@@ -12,7 +12,8 @@ import pytest
 from real_robot import wait_for
 from robot_bench import RobotBench, steps_of
 
-from yahboomd.core.model import EncoderReading, Pose2d
+from yahboomd.core.drive import battery
+from yahboomd.core.model import NS_PER_S, EncoderReading, Pose2d
 from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.motors import MotorFaults
 from yahboomd.simulation.options import SimulationOptions
@@ -428,17 +429,18 @@ async def test_a_car_beyond_its_limits_is_slower_on_the_same_curve(tmp_path: Pat
 
 @on_virtual_time
 async def test_an_empty_battery_ends_no_motion_and_refuses_the_next_one(
-    tmp_path: Path,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    limits = ("board.battery_low_v=7.0", "board.battery_stop_v=6.5")
+    monkeypatch.setattr(battery, "REST_NS", 4 * NS_PER_S)
+    limits = [f"board.battery_{key}" for key in ("low_v=7.0", "stop_v=6.5", "period_s=1.0")]
     async with robot(tmp_path, *limits) as bench:
         await bench.ready()
-        await bench.drive(5.0, 0.3)
+        await bench.drive(1.0, 0.3)
         bench.robot.plant.battery_volts = 6.0
-        await bench.drive(40.0, 0.3)
+        await bench.drive(6.0, 0.3)
         assert min(bench.rim_speeds) > 0.2
         assert "battery_empty" not in bench.heard.kinds
-        await asyncio.sleep(45.0)
+        await asyncio.sleep(8.0)
         assert bench.heard.kinds.count("battery_empty") == 1
         await bench.drive(1.0, 0.3)
         assert bench.standing
@@ -450,7 +452,7 @@ async def test_an_empty_battery_ends_no_motion_and_refuses_the_next_one(
             await asyncio.sleep(1.5)
         # A new one: programs drive again.
         bench.robot.plant.battery_volts = 8.4
-        await asyncio.sleep(50.0)
+        await asyncio.sleep(10.0)
         assert bench.heard.kinds[-1] == "battery_good"
         await bench.drive(1.0, 0.3)
         assert min(bench.rim_speeds) > 0.2

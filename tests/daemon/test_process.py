@@ -42,6 +42,39 @@ def test_signals_without_a_name_of_their_own_have_one() -> None:
     assert name_of(signal.SIGRTMIN + 3) == "SIGRTMIN+3"
 
 
+@pytest.mark.parametrize("number", [*ENDING, *KILLING], ids=name_of)
+async def test_any_signal_that_would_end_the_process_asks_for_its_end_and_is_kept_if_it_kills(
+    number: int,
+) -> None:
+    before = signal.signal(number, signal.SIG_DFL)
+    asked: list[str] = []
+    signals = Signals(asked.append)
+    try:
+        signals.install()
+        signal.raise_signal(number)
+        while not asked:
+            await asyncio.sleep(0)
+        assert asked == [name_of(number)]
+        assert signals.fatal == (None if number in ENDING else number)
+    finally:
+        signals.remove()
+        signal.signal(number, before)
+
+
+@pytest.mark.parametrize("number", SUSPENDING)
+async def test_any_signal_that_would_suspend_the_process_waits_for_the_wheels_first(
+    number: int,
+) -> None:
+    signals = Signals(lambda _name: None)
+    signals.at_once = False
+    try:
+        signals.install()
+        signal.raise_signal(number)
+        await signals.suspend.wait()
+    finally:
+        signals.remove()
+
+
 async def test_a_signal_that_is_ignored_stays_ignored() -> None:
     """As it is for a program that a script started in the background."""
     before = signal.signal(signal.SIGQUIT, signal.SIG_IGN)

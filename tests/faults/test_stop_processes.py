@@ -98,7 +98,7 @@ def unhurried(real_robot: Callable[..., RealRobot], client: Callable[..., Client
     return robot
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_signal_stops_the_wheels_before_the_daemon_ends(
     robot: RealRobot, number: signal.Signals
 ) -> None:
@@ -124,14 +124,8 @@ def no_core() -> Iterator[None]:
     resource.setrlimit(resource.RLIMIT_CORE, limits)
 
 
-DEADLY = [
-    *("SIGQUIT", "SIGUSR1", "SIGUSR2", "SIGALRM", "SIGXCPU", "SIGVTALRM", "SIGPROF", "SIGIO"),
-    *("SIGSTKFLT", "SIGPWR", "SIGRTMIN", "SIGRTMAX"),
-]
-
-
 @pytest.mark.usefixtures("no_core")
-@pytest.mark.parametrize("name", DEADLY)
+@pytest.mark.parametrize("name", ["SIGQUIT", "SIGRTMAX"])
 def test_any_signal_that_kills_stops_the_wheels_first_and_kills_then(
     robot: RealRobot, name: str
 ) -> None:
@@ -149,7 +143,7 @@ def stopped(robot: RealRobot) -> bool:
     return stat.rpartition(")")[2].split()[0] == "T"
 
 
-@pytest.mark.parametrize("name", ["SIGTSTP", "SIGTTIN", "SIGTTOU"])
+@pytest.mark.parametrize("name", ["SIGTSTP", "SIGTTOU"])
 def test_a_signal_that_suspends_stops_the_wheels_first_and_old_commands_stay_without_effect(
     robot: RealRobot, client: Callable[..., Client], name: str
 ) -> None:

@@ -19,14 +19,21 @@ class Definition(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     Attributes:
         where: File and line.
         name: Its own.
-        uses: Names that are used inside of it.
+        node: Its code.
+        text: Its lines.
         outer: The class that it is part of.
     """
 
     where: str
     name: str
-    uses: Counter[str]
+    node: ast.stmt
+    text: str
     outer: Definition | None
+
+    def has_all(self, uses: int) -> bool:
+        """Whether a number of uses of its name are inside of it."""
+        # Counting text takes a fraction of a walk through the tree, and finds too many at most.
+        return uses <= self.text.count(self.name) and uses <= _uses(self.node)[self.name]
 
     def __str__(self) -> str:
         return f"{self.where} {self.name}"
@@ -41,12 +48,14 @@ def without_callers(
     """
     trees = {path: ast.parse(text) for path, text in sources.items()}
     every = [*trees.values(), *map(ast.parse, callers)]
-    used = sum(map(_uses, every), Counter[str]())
+    used = Counter[str]()
+    for tree in every:
+        used.update(_uses(tree))
     known = {*called_by_others, *_exported(trees.values())}
     found = [
         each
         for path, tree in trees.items()
-        for each in _definitions(path, tree)
+        for each in _definitions(path, sources[path].splitlines(), tree)
         if each.name not in known
     ]
     dead: set[Definition] = set()
@@ -54,15 +63,13 @@ def without_callers(
         new = [
             each
             for each in found
-            if each not in dead
-            and each.outer not in dead
-            and used[each.name] <= each.uses[each.name]
+            if each not in dead and each.outer not in dead and each.has_all(used[each.name])
         ]
         if not new:
             return sorted(dead, key=str)
         for each in new:
             if each.outer not in new:
-                used.subtract(each.uses)
+                used.subtract(_uses(each.node))
         dead.update(new)
 
 
@@ -93,15 +100,16 @@ def _exported(trees: Iterable[ast.Module]) -> Iterator[str]:
 
 
 def _definitions(
-    path: Path, scope: ast.Module | ast.ClassDef, outer: Definition | None = None
+    path: Path, lines: list[str], scope: ast.Module | ast.ClassDef, outer: Definition | None = None
 ) -> Iterator[Definition]:
     for name, node in _named(scope):
         where = f"{path}:{node.lineno}"
-        made = Definition(where=where, name=name, uses=_uses(node), outer=outer)
+        text = "\n".join(lines[node.lineno - 1 : node.end_lineno])
+        made = Definition(where=where, name=name, node=node, text=text, outer=outer)
         if not (name.startswith("__") and name.endswith("__")):
             yield made
         if isinstance(node, ast.ClassDef):
-            yield from _definitions(path, node, made)
+            yield from _definitions(path, lines, node, made)
 
 
 def _named(scope: ast.Module | ast.ClassDef) -> Iterator[tuple[str, ast.stmt]]:

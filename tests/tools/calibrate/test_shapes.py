@@ -86,14 +86,14 @@ def test_a_mecanum_base_counts_its_way_to_the_side_and_turns_by_wheels_and_axles
 
 
 async def _asked() -> None:
-    await asyncio.sleep(60.0)
+    await asyncio.sleep(4.0)
 
 
 @on_virtual_time
 async def test_an_open_question_keeps_no_counts_and_an_endless_run_by_hand_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(shapes, "MOST_COUNTS", 1000)
+    monkeypatch.setattr(shapes, "MOST_COUNTS", 200)
     async with RobotBench(tmp_path) as bench:
         await bench.ready()
         driver = LegDriver(BenchClient(bench), bench.config, "cmd_vel", clock=bench.clock)  # type: ignore[arg-type]
