@@ -166,6 +166,10 @@ def command(world: Peer, topic: str, vx: float, wz: float = 0.0) -> None:
     world.order("publish", topic=topic, of="geometry_msgs/msg/Twist", hz=20, fields=fields)
 
 
+def speed(odom: dict[str, Any]) -> float:
+    return float(odom["twist"]["twist"]["linear"]["x"])
+
+
 def turned(peer: Peer, child: str) -> float:
     """How far a wheel's transform is turned: the next one with this child."""
 
@@ -240,15 +244,15 @@ def test_twist_mux(
     graph.start("twist_mux", "twist_mux", "cmd_vel_out:=cmd_vel", **settings)
     world, status = graph.world(odom="nav_msgs/msg/Odometry"), onlooker(robot)
 
-    def speed(around: float) -> None:
-        world.message("/odom", lambda m: abs(m["twist"]["twist"]["linear"]["x"] - around) < 0.02)
+    def drives_at(wanted: float) -> None:
+        world.message("/odom", lambda m: abs(speed(m) - wanted) < 0.02, f"{wanted} m/s")
 
     command(world, "/nav_vel", 0.2)
-    speed(0.2)
+    drives_at(0.2)
     command(world, "/joy_vel", -0.1)
-    speed(-0.1)
+    drives_at(-0.1)
     world.order("rest", topic="/joy_vel")
-    speed(0.2)
+    drives_at(0.2)
     world.order("rest", topic="/nav_vel")
     status.in_state("standing")
     robot.settled_truth()
@@ -286,6 +290,32 @@ def test_robot_localization(graph: Graph, row: Callable[[str, str], None]) -> No
         "robot_localization",
         f"the EKF publishes `odom` to `base_link`; after a metre in a curve its pose is "
         f"{1000.0 * apart_m:.0f} mm from yahboomd's",
+    )
+
+
+def test_nav2_velocity_smoother(
+    graph: Graph,
+    onlooker: Callable[[RealRobot], Client],
+    row: Callable[[str, str], None],
+) -> None:
+    robot = graph.robot()
+    file = graph.parameters("nav2")
+    remaps = ("cmd_vel:=nav_vel", "cmd_vel_smoothed:=cmd_vel")
+    graph.start("nav2_velocity_smoother", "velocity_smoother", *remaps, files=[file])
+    world, status = graph.world(odom="nav_msgs/msg/Odometry"), onlooker(robot)
+    world.order("activate", node="velocity_smoother")
+    world.await_event(lambda e: e["event"] == "active", "an active smoother")
+    command(world, "/nav_vel", 2.0)
+    world.message("/odom", lambda m: speed(m) > 0.4, "the robot to drive")
+    highest = max(speed(world.message("/odom")) for _ in range(50))
+    world.order("rest", topic="/nav_vel")
+    status.in_state("standing")
+    robot.settled_truth()
+    assert highest == pytest.approx(0.5, abs=0.05)
+    row(
+        "nav2_velocity_smoother",
+        f"with `config parameters nav2` it is configured and activated; a command of 2 m/s drives "
+        f"the robot at {highest:.2f} m/s, and it stands once the commands end",
     )
 
 
