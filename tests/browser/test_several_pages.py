@@ -18,7 +18,7 @@ def test_a_second_page_drives_only_after_it_took_control(bench: PageBench, page:
     with bench.page() as other:
         other.says(".words", "Another page has control")
         x, y = other.middle(".pad")
-        other.touch((x, y + 60))
+        bench.put_down(other, (x, y + 60))
         other.says(".words", "Another page has control")
         page.says("#driver", "This page")
         other.lift()

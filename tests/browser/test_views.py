@@ -200,6 +200,7 @@ def test_pad_and_stop_change_sides_by_a_button_and_keep_them(bench: PageBench, p
     page.until("document.querySelector('.pad').clientWidth > 199")
     assert page.middle(".pad")[0] > page.middle("#estop")[0]
     for _ in range(2):
+        page.click(".gear")
         page.click(".swap")
         left = page.evaluate("document.body.dataset.pad") == "left"
         page.go(bench.url)
@@ -324,10 +325,29 @@ def test_the_map_draws_the_path_that_was_driven_and_follows_the_robot(
     shown = page.text(".where").replace("\u2212", "-").split()
     assert float(shown[1]) == pytest.approx(truth["x"], abs=0.02)
     assert float(shown[6]) == pytest.approx(truth["y"], abs=0.02)
+    page.order("Page.reload")
+    bench.ready(page)
     show(page, "map")
-    inked = page.evaluate(INK)
+    page.says(".where", "heading")
+    # It is there again, and a robot that stands adds nothing.
+    inked = wait_for(lambda: page.evaluate(INK), "the path is drawn")
     page.click(".tools button[title^=Forget]")
     wait_for(lambda: page.evaluate(INK) < inked, "the path is gone")
+
+
+def test_a_path_that_was_written_is_read_again_and_no_other_text_is(page: Page) -> None:
+    kept = """import('/page/path.js').then(({ Path }) => {
+      const path = new Path(), again = new Path();
+      for (let n = 0; n < 30_000; n += 1) path.add(Math.sin(n / 900), n / 1e4);
+      again.read(path.write());
+      const same = again.write() === path.write();
+      for (const text of ["", "null", "{}", '{"spacing":1,"x":[1],"y":[null],"starts":[1]}',
+        '{"spacing":1,"x":[1],"y":[1,2],"starts":[1]}']) again.read(text);
+      return [same, again.length === path.length, path.length > 1000, path.write().length];
+    })"""
+    *true, size = page.evaluate(kept)
+    assert all(true)
+    assert size < 200_000
 
 
 INK = """(() => {

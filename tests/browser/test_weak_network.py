@@ -66,7 +66,7 @@ def test_500_ms_of_delay_in_mid_motion_stop_the_robot_and_the_page_says_why(
     page.says(".words", "too slow")
     page.lift()
     # A thumb that is put down again drives nothing either.
-    page.touch(place)
+    bench.put_down(page, place)
     bench.stays()
     page.lift()
     bench.network.delay_s = 0.0

@@ -146,14 +146,19 @@ class PageBench:
         """
         self.ready(page)
         place = self.place(page, right, up)
-        self._drives(page, lambda: page.touch(place), page.lift)
+        self.drives(page, lambda: self.put_down(page, place), page.lift)
         return place
+
+    def put_down(self, page: Page, place: tuple[float, float]) -> None:
+        """Land on the middle of the joystick, which drives nothing, and move to a place of it."""
+        page.touch(page.middle(".pad"))
+        page.touch(place, kind="touchMove")
 
     def hold(self, page: Page, key: str) -> None:
         """Hold a key down; returns once the wheels turn."""
-        self._drives(page, lambda: page.key(key, down=True), lambda: page.key(key, down=False))
+        self.drives(page, lambda: page.key(key, down=True), lambda: page.key(key, down=False))
 
-    def _drives(self, page: Page, begin: Callable[[], object], end: Callable[[], object]) -> None:
+    def drives(self, page: Page, begin: Callable[[], object], end: Callable[[], object]) -> None:
         def drives() -> bool:
             if not page.says_driving():
                 end()

@@ -52,6 +52,8 @@ export class Deadman {
     this.#tickedAt = performance.now();
     if (!this.#timer) this.#timer = setInterval(() => this.#tick(), PERIOD_MS);
     this.#send(velocity);
+    // A thumb that lands means zero: its first move is sent at once.
+    this.#sentAt = -Infinity;
     return true;
   }
 
@@ -75,7 +77,8 @@ export class Deadman {
     const late = performance.now() - this.#tickedAt - PERIOD_MS;
     const why = late > STALLED_MS ? "This page stood still for a moment." : excess(this.#velocity) || this.obstacle();
     if (why) this.letGo(why);
-    return !why;
+    // Looking for an obstacle may have found that the button is let go.
+    return this.held;
   }
 
   #tick() {

@@ -53,3 +53,9 @@ export function stamp(seconds) {
 export function clockTime(seconds) {
   return `${Math.floor(seconds / 60)}:${String(Math.floor(seconds % 60)).padStart(2, "0")}`;
 }
+
+/** Let a phone be felt, for some milliseconds, if the browser can do it. */
+export function buzz(ms) {
+  // Before the first touch a browser would only complain.
+  if (navigator.userActivation?.hasBeenActive) navigator.vibrate?.(ms);
+}

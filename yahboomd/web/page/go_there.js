@@ -1,7 +1,7 @@
 // Going to a place of the map, or turning to look at it: while a finger, a mouse button or Enter is held.
 
 import { Deadman } from "./deadman.js";
-import { el, fixed, write } from "./dom.js";
+import { buzz, el, fixed, write } from "./dom.js";
 import { HoldButton } from "./hold_button.js";
 import { obstacle } from "./obstacles.js";
 
@@ -126,7 +126,7 @@ export class GoThere {
     this.#forget();
     for (const each of this.buttons) each.drop();
     this.#lost = why;
-    if (why && navigator.userActivation?.hasBeenActive) navigator.vibrate?.(120);
+    if (why) buzz(120);
     this.#show();
   }
 

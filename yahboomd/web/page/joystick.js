@@ -1,18 +1,32 @@
-// The joystick: one pointer, captured, becomes a point of the unit disc. A second one ends it.
+// The joystick: one pointer, captured, becomes a point of the unit disc. Its middle is where the thumb landed, so that
+// landing moves nothing. A second pointer ends it.
 
-import { el } from "./dom.js";
+import { buzz, el } from "./dom.js";
 
-const DEAD = 0.08; // Share of the radius: a resting thumb does not drive.
+const DEAD = 0.08; // Share of the travel: a resting thumb does not drive.
+const EXPO = 0.5; // 0: speed in proportion to the way; 1: its third power. Small ways are fine, the end is the full speed.
+const TRAVEL = 0.69; // Of the ring's radius: there the knob touches the ring from inside.
+const FULL = 0.999;
 const BESIDE = "header, nav, footer, .drive > *"; // Their texts change while the pad is held.
 const SHIFT = 1; // Pixels of rounding by the layout.
 
+/** A stick's place, right and up, as shares of the speed: dead around the middle, fine near it, 1 at the end. */
+export function shares(x, y, dead = DEAD) {
+  const length = Math.hypot(x, y);
+  const scale = length > dead ? Math.min(1, (length - dead) / (1 - dead)) / length : 0;
+  return [x * scale, y * scale].map((way) => (1 - EXPO) * way + EXPO * way ** 3);
+}
+
 export class Joystick {
   #pointer = null;
-  #box = null; // The pad's place, measured when it was pressed.
+  #box = null; // The zone's place, measured when it was pressed.
+  #middle = [0, 0]; // Where the thumb landed.
+  #travel = 1;
+  #atEnd = false;
 
   /**
-   * @param onPress Called with x (right), y (up) of the unit disc; returns whether the thumb counts.
-   * @param onMove The same while it is held.
+   * @param onPress Called when a thumb landed; returns whether it counts.
+   * @param onMove Called with x (right), y (up) as shares of the speed, while it is held.
    * @param onLoss Called with why it is lost; "" when it was lifted.
    */
   constructor(onPress, onMove, onLoss) {
@@ -20,30 +34,34 @@ export class Joystick {
     this.onMove = onMove;
     this.onLoss = onLoss;
     this.knob = el("div", { class: "knob" });
-    this.element = el(
+    this.pad = el(
       "div",
       { class: "pad", role: "application", tabindex: "0", "aria-label": "Joystick. Keys: arrows or W A S D drive while held." },
       el("div", { class: "cross", "aria-hidden": "true" }),
       this.knob,
     );
-    const pad = this.element;
-    pad.addEventListener("pointerdown", (event) => this.#press(event));
-    pad.addEventListener("pointermove", (event) => event.pointerId === this.#pointer && this.onMove(...this.#place(event)));
-    pad.addEventListener("pointerup", (event) => this.#end(event, ""));
-    pad.addEventListener("pointercancel", (event) => this.#end(event, "The touch was interrupted."));
-    pad.addEventListener("lostpointercapture", (event) => this.#end(event, "The touch was interrupted."));
-    pad.addEventListener("contextmenu", (event) => event.preventDefault());
+    this.element = el("div", { class: "zone" }, this.pad); // The thumb may land anywhere in it.
+    const zone = this.element;
+    zone.addEventListener("pointerdown", (event) => this.#press(event));
+    zone.addEventListener("pointermove", (event) => event.pointerId === this.#pointer && this.onMove(...this.#place(event)));
+    zone.addEventListener("pointerup", (event) => this.#end(event, ""));
+    zone.addEventListener("pointercancel", (event) => this.#end(event, "The touch was interrupted."));
+    zone.addEventListener("lostpointercapture", (event) => this.#end(event, "The touch was interrupted."));
+    zone.addEventListener("contextmenu", (event) => event.preventDefault());
     // When a second finger comes down anywhere, none of them counts.
     document.addEventListener("pointerdown", (event) => this.#second(event), { capture: true });
   }
 
-  /** Show the velocity, from -1 to 1 right and up; also that of the keys. */
+  /** Show the stick's place, from -1 to 1 right and up; also that of the keys and of a gamepad. */
   show(x, y) {
     this.knob.style.setProperty("--x", x.toFixed(3));
     this.knob.style.setProperty("--y", (-y).toFixed(3));
+    const isAtEnd = Math.hypot(x, y) > FULL;
+    if (isAtEnd && !this.#atEnd) buzz(12);
+    this.#atEnd = isAtEnd;
   }
 
-  /** Whether the pad has moved since it was pressed: the thumb now means another velocity. */
+  /** Whether the zone has moved since it was pressed: the thumb now means another velocity. */
   get hasMoved() {
     if (this.#pointer === null) return false;
     const now = this.element.getBoundingClientRect();
@@ -55,7 +73,8 @@ export class Joystick {
     const pointer = this.#pointer;
     this.#pointer = null;
     if (pointer !== null && this.element.hasPointerCapture(pointer)) this.element.releasePointerCapture(pointer);
-    this.element.classList.remove("held");
+    this.pad.classList.remove("held");
+    this.pad.style.translate = "";
     this.#pin(false);
     this.show(0, 0);
   }
@@ -72,13 +91,17 @@ export class Joystick {
     if (this.#pointer !== null || !event.isPrimary || event.button !== 0) return;
     this.#pin(true);
     this.#box = this.element.getBoundingClientRect();
-    if (!this.onPress(...this.#place(event))) {
+    const ring = this.pad.getBoundingClientRect();
+    this.#travel = (ring.width / 2) * TRAVEL;
+    this.#middle = [event.clientX, event.clientY];
+    if (!this.onPress()) {
       this.#pin(false);
       return;
     }
     this.#pointer = event.pointerId;
     this.element.setPointerCapture(event.pointerId);
-    this.element.classList.add("held");
+    this.pad.classList.add("held");
+    this.pad.style.translate = `${event.clientX - ring.left - ring.width / 2}px ${event.clientY - ring.top - ring.height / 2}px`;
   }
 
   #second(event) {
@@ -94,15 +117,10 @@ export class Joystick {
   }
 
   #place(event) {
-    const box = this.#box;
-    const radius = box.width / 2;
-    const x = (event.clientX - box.left - radius) / radius;
-    const y = (box.top + box.height / 2 - event.clientY) / radius;
-    const length = Math.hypot(x, y);
-    const reach = Math.min(1, Math.max(0, (length - DEAD) / (1 - DEAD)));
-    const scale = length > 0 ? reach / length : 0;
-    const place = [x * scale, y * scale];
-    this.show(...place);
-    return place;
+    const x = (event.clientX - this.#middle[0]) / this.#travel;
+    const y = (this.#middle[1] - event.clientY) / this.#travel;
+    const length = Math.max(1, Math.hypot(x, y));
+    this.show(x / length, y / length);
+    return shares(x, y);
   }
 }

@@ -5,17 +5,24 @@ import { el, fixed, write } from "./dom.js";
 import { GoThere } from "./go_there.js";
 import { Path } from "./path.js";
 import { SetPose } from "./set_pose.js";
+import { keep, kept, ofTab } from "./storage.js";
 
 const NEAREST = 2000; // Pixels for a metre.
 const FARTHEST = 0.5;
 const SURE = 2.448; // Standard deviations of a 95 % ellipse in two dimensions.
 const OLD_MS = 1000;
+const PATH = "path"; // Its key in the storage of the tab.
 
 export const map = { id: "map", title: "Map", create };
 
 function create(app) {
   const { live, connection } = app;
   const path = new Path();
+  path.read(kept(PATH, ofTab));
+  // A phone may end a hidden page without another word.
+  const save = () => keep(PATH, path.write(), ofTab);
+  addEventListener("pagehide", save);
+  document.addEventListener("visibilitychange", () => document.hidden && save());
   const view = { x: 0, y: 0, scale: 150, follow: true };
   let pose = null;
   const pointers = new Map();

@@ -1,21 +1,23 @@
-// Under which thumb the pad is while a phone lies on its side; the emergency stop is under the other.
+// Under which thumb the joystick is; on a phone on its side the emergency stop is under the other.
 
-import { el } from "./dom.js";
+import { el, write } from "./dom.js";
 import { keep, kept } from "./storage.js";
 
 const KEY = "pad side";
+const WIDE = matchMedia("(min-width: 1000px) and (min-height: 501px)"); // As in style.css: there it is left unless chosen.
 
 /** The button that exchanges the two. */
 export function padSide() {
-  const button = el("button", { type: "button", class: "swap", onclick: () => put(isLeft() ? "right" : "left") }, "\u21c4");
-  const isLeft = () => document.body.dataset.pad === "left";
+  const button = el("button", { type: "button", class: "swap", onclick: () => put(isLeft() ? "right" : "left") });
+  const isLeft = () => (document.body.dataset.pad ?? (WIDE.matches ? "left" : "right")) === "left";
+  const show = () => write(button, `\u21c4 Joystick to the ${isLeft() ? "right" : "left"}`);
   const put = (side) => {
     document.body.dataset.pad = side;
     keep(KEY, side);
-    const words = `Joystick to the ${isLeft() ? "right" : "left"}`;
-    button.setAttribute("aria-label", words);
-    button.title = words;
+    show();
   };
-  put(kept(KEY) === "left" ? "left" : "right");
+  if (["left", "right"].includes(kept(KEY))) document.body.dataset.pad = kept(KEY);
+  WIDE.addEventListener("change", show);
+  show();
   return button;
 }

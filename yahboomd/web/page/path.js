@@ -26,6 +26,29 @@ export class Path {
     this.#last = null;
   }
 
+  /** As a text, in millimetres; `read` understands it. */
+  write() {
+    const whole = (list) => Array.from(list.subarray(0, this.length), (metres) => Math.round(metres * 1000));
+    return JSON.stringify({ spacing: this.spacing, x: whole(this.x), y: whole(this.y), starts: [...this.starts.subarray(0, this.length)] });
+  }
+
+  /** Begin with the path of a text. One that is none leaves the path as it is. */
+  read(text) {
+    try {
+      const { spacing, x, y, starts } = JSON.parse(text);
+      const fits = (list) => list.length === x.length && list.length <= this.capacity && list.every(Number.isFinite);
+      if (!(spacing > 0) || ![x, y, starts].every(fits)) return;
+      this.clear();
+      this.x.set(x.map((mm) => mm / 1000));
+      this.y.set(y.map((mm) => mm / 1000));
+      this.starts.set(starts);
+      this.length = x.length;
+      this.spacing = spacing;
+    } catch {
+      // Of another version, or nothing was kept.
+    }
+  }
+
   add(x, y) {
     const way = this.#last ? Math.hypot(x - this.#last.x, y - this.#last.y) : Infinity;
     if (way < this.spacing) return;
