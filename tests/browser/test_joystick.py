@@ -100,7 +100,7 @@ def test_a_gamepad_drives_while_its_button_is_held_and_each_loss_of_it_stops_the
             page.evaluate(f"new Promise((on) => {{ {HELD} = {down}; setTimeout(on, 150); }})")
 
     def lost() -> bool:
-        """Drive, and lose the pad; a machine that is too busy loses it first, for another reason."""
+        """Drive, and lose the pad; a machine that is too busy loses it first."""
         page.evaluate("window.pad ??= window.other; 0")
         bench.drives(page, press, lambda: page.evaluate(f"{HELD} = false"))
         bench.stops_after(lambda: loss(page))
