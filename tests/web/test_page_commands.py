@@ -38,6 +38,7 @@ class Scene:
         self.obstacle: PageRefusal | None = None
         self.changes = 0
         self.lapsed: list[int] = []
+        self.kept = False
         self.clock = LoopClock()
         self.begun_ns = self.clock.now_ns()
         self.commands = PageCommands(
@@ -46,6 +47,7 @@ class Scene:
             obstacle=lambda _: self.obstacle,
             changed=self._changed,
             lapsed=lambda page, _refusal: self.lapsed.append(page),
+            kept=lambda: self.kept,
         )
         if driver is not None:
             self.commands.take_control(driver)
@@ -255,3 +257,53 @@ async def test_of_joystick_and_map_one_is_held_and_let_go_before_the_other_one_c
         assert scene.why(ANNE, first) == "let_go"
         scene.why(ANNE, STANDSTILL)
         assert scene.why(ANNE, second) == ""
+
+
+@HELD
+@on_virtual_time
+async def test_a_page_that_has_not_driven_for_a_while_lets_go_of_control(held: Wanted) -> None:
+    scene = Scene()
+    await asyncio.sleep(29)
+    assert scene.why(ANNE, held) == ""
+    scene.why(ANNE, STANDSTILL)
+    await asyncio.sleep(29)
+    assert scene.commands.driver == ANNE
+    put = len(scene.put)
+    await asyncio.sleep(2)
+    assert (scene.commands.driver, scene.changes) == (None, 2)
+    assert scene.why(ANNE, held) == "not_yours"
+    # Nothing is sent for it: the robot stood.
+    assert len(scene.put) == put
+    scene.commands.take_control(BERT)
+    assert scene.why(BERT, held) == ""
+
+
+@on_virtual_time
+async def test_a_thumb_that_rests_or_is_refused_counts_as_driving() -> None:
+    scene = Scene()
+    for _ in range(200):
+        scene.why(ANNE, STANDSTILL)
+        await asyncio.sleep(0.5)
+    scene.obstacle = ESTOP
+    for _ in range(200):
+        scene.why(ANNE)
+        await asyncio.sleep(0.5)
+    assert scene.commands.driver == ANNE
+    # Another page's does not.
+    for _ in range(70):
+        scene.why(BERT, STANDSTILL)
+        await asyncio.sleep(0.5)
+    assert scene.commands.driver is None
+
+
+@on_virtual_time
+async def test_control_is_kept_while_it_is_needed_and_lets_go_afterwards() -> None:
+    scene = Scene()
+    scene.kept = True
+    await asyncio.sleep(100)
+    assert scene.commands.driver == ANNE
+    scene.kept = False
+    await asyncio.sleep(31)
+    assert scene.commands.driver is None
+    await asyncio.sleep(100)
+    assert scene.changes == 2

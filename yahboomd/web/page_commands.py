@@ -9,6 +9,7 @@
 - When motion is refused, or the page falls silent in mid-motion, loses control or is closed, the
   wheels get zeros for a second; then nothing, because a zero holds control of the robot.
 - After that a page has to let go first: motion is refused until it has sent a zero.
+- A page that has not driven for :data:`LETS_GO_NS` loses control, so that the next one need not ask.
 """
 
 from __future__ import annotations
@@ -24,6 +25,9 @@ from yahboomd.web.beats import LAPSE_NS, PERIOD_NS
 
 ZEROS_NS = 1_000_000_000
 """How long zeros are sent after motion."""
+
+LETS_GO_NS = 30_000_000_000
+"""How long a page that does not drive keeps control."""
 
 
 class Aim(msgspec.Struct, frozen=True, kw_only=True):
@@ -72,6 +76,7 @@ class PageCommands:
         obstacle: Returns the reason why no page can drive like this now, if there is one.
         changed: Called when another page has control, or none.
         lapsed: Called with the page that fell silent in mid-motion.
+        kept: Returns whether the page in control needs it although it does not drive.
     """
 
     def __init__(
@@ -82,12 +87,14 @@ class PageCommands:
         obstacle: Callable[[Wanted], PageRefusal | None],
         changed: Callable[[], None],
         lapsed: Callable[[int, PageRefusal], None],
+        kept: Callable[[], bool],
     ) -> None:
         self._clock = clock
         self._put = put
         self._obstacle = obstacle
         self._changed = changed
         self._lapsed = lapsed
+        self._kept = kept
         self._driver: int | None = None
         self._ended = False
         self._moving: type[Wanted] | None = None
@@ -95,6 +102,7 @@ class PageCommands:
         self._pressed = set[int]()
         self._silence = clock.alarm(self._fell_silent)
         self._zeros = clock.alarm(self._repeat_zero)
+        self._idle = clock.alarm(self._was_idle)
 
     @property
     def driver(self) -> int | None:
@@ -107,12 +115,19 @@ class PageCommands:
             self._stop()
             self._driver = page
             self._changed()
+        self.used(page)
+
+    def used(self, page: int) -> None:
+        """Note that the page in control uses it: it keeps control from now on for the full time."""
+        if page == self._driver:
+            self._idle.set(self._clock.now_ns() + LETS_GO_NS)
 
     def give_back(self, page: int) -> None:
         """Take control from a page that no longer wants it, or is closed."""
         if page == self._driver:
             self._stop()
             self._driver = None
+            self._idle.set(None)
             self._changed()
 
     def closed(self, page: int) -> None:
@@ -126,6 +141,7 @@ class PageCommands:
         Args:
             age_ns: The age of its beat; None if it is unknown.
         """
+        self.used(page)
         if wanted.is_zero:
             self._pressed.discard(page)
             if page == self._driver:
@@ -152,6 +168,7 @@ class PageCommands:
     def close(self) -> None:
         self._silence.close()
         self._zeros.close()
+        self._idle.close()
 
     def _refusal(self, page: int, wanted: Wanted, age_ns: int | None) -> PageRefusal | None:
         if self._ended:
@@ -193,3 +210,11 @@ class PageCommands:
             self._pressed.add(page)
             self._stop()
             self._lapsed(page, LAPSED)
+
+    def _was_idle(self) -> None:
+        if (page := self._driver) is None:
+            return
+        if self._kept():
+            self.used(page)
+        else:
+            self.give_back(page)

@@ -110,6 +110,7 @@ class PageHub:
             obstacle=self._obstacle,
             changed=self._show_control,
             lapsed=self._lapsed,
+            kept=self._keeps_control,
         )
         self.tools = PageTools(
             clock,
@@ -269,6 +270,10 @@ class PageHub:
             return CALIBRATES
         return self.robot.obstacle()
 
+    def _keeps_control(self) -> bool:
+        """A calibration needs control; whoever repairs a stopped robot relies on it."""
+        return self.tools.calibration.page is not None or self.robot.state == "estopped"
+
     def _hold(self, page: PageSession, frame: HoldFrame) -> PageRefusal | None:
         age_ns = self._beats.age_ns(frame.beat, page.joined)
         if age_ns is None or age_ns > LAPSE_NS:
@@ -322,6 +327,7 @@ class PageHub:
             # The driver relies on the pose and on the stop.
             page.queue(_answered(request.id, ok=False, text=ANOTHERS))
         else:
+            self._commands.used(page.number)
             found = await action(request)
             page.queue(_answered(request.id, ok=found.success, text=found.message, data=found.data))
 
