@@ -14,7 +14,7 @@ from real_robot import Process, free_endpoint, wait_for
 
 pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser")]
 
-VIEWS = ("drive", "map", "wheels", "health", "calibrate", "record", "boxes")
+VIEWS = ("drive", "map", "wheels", "health", "calibrate", "record", "boxes", "phones")
 PHONE, DESKTOP = (360, 740), (1920, 1080)
 ON_ITS_SIDE, SMALL_ON_ITS_SIDE = (844, 390), (740, 360)
 WITH_PAD = ("map", "wheels", "health")
@@ -278,7 +278,7 @@ def test_a_page_without_a_session_shows_how_to_get_in_and_no_dead_controls(
         page.resize(*size, phone=size != DESKTOP)
         page.says("#main", "yahboomd web --show-link")
         page.says("#state", "no access")
-        page.says("#why", "opened by its link")
+        page.says("#why", "This phone has no session")
         seen = "[...document.querySelectorAll('button, input, nav a, .pad')]"
         assert page.evaluate(f"{seen}.filter((e) => e.checkVisibility()).length") == 0
         assert spills(page) == []

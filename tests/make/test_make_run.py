@@ -85,7 +85,7 @@ def test_without_a_port_a_board_is_simulated_and_the_robot_can_be_driven(
     assert "Traceback" not in made.output
 
 
-def test_a_daemon_works_on_when_its_page_dies_and_a_page_for_phones_needs_a_token(
+def test_a_daemon_works_on_when_its_page_dies_and_a_page_for_phones_needs_a_link(
     started: Callable[..., tuple[MakeRun, str]],
     client: Callable[..., Client],
     tmp_path: Path,

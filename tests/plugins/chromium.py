@@ -148,9 +148,26 @@ class Chromium:
 
         return result
 
-    def open(self, url: str, *, width: int = 360, height: int = 740, phone: bool = True) -> Page:
-        """Open a page in a tab of its own; it has the focus."""
-        made = self.order("Target.createTarget", url="about:blank")["targetId"]
+    def open(
+        self,
+        url: str,
+        *,
+        width: int = 360,
+        height: int = 740,
+        phone: bool = True,
+        apart: bool = False,
+    ) -> Page:
+        """Open a page in a tab of its own; it has the focus.
+
+        Args:
+            apart: With cookies of its own, as on another phone.
+        """
+        context = (
+            {"browserContextId": self.order("Target.createBrowserContext")["browserContextId"]}
+            if apart
+            else {}
+        )
+        made = self.order("Target.createTarget", url="about:blank", **context)["targetId"]
         page = Page(self, made)
         page.resize(width, height, phone=phone)
         page.go(url)

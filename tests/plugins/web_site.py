@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import asyncio
 import json
+import resource
 import ssl
-from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import suppress
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Self
 
+import msgspec
 import pytest
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
@@ -21,17 +23,29 @@ from zenoh_fixtures import PATIENCE_S, eventually
 from yahboomd.client.connecting import client_options
 from yahboomd.core.clock import SystemClock
 from yahboomd.core.config import read
-from yahboomd.web.entry_tokens import Tokens
+from yahboomd.web.entry_tokens import digest, keep, make_entry
 from yahboomd.web.page_files import FOLDER, page_files
+from yahboomd.web.page_frames import Role
 from yahboomd.web.page_hub import PageHub
 from yahboomd.web.page_tools import ToolSettings
+from yahboomd.web.phone_sessions import PhoneSessions
 from yahboomd.web.request_origin import RequestOrigin
+from yahboomd.web.session_files import PREFIX, StoredSession
 from yahboomd.web.web_application import WebApplication
 from yahboomd.web.web_server import WebServer, listen
 
-TOKENS = Tokens(driver="driver-token-0123456789", viewer="viewer-token-0123456789")
-
 ZERO = (0.0, 0.0)
+
+
+@contextmanager
+def full_disk() -> Iterator[None]:
+    """The kernel refuses each byte that this process writes to a file."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 class Page:
@@ -131,7 +145,7 @@ class Site:
         endpoint: str,
         state: Path,
         *,
-        tokens: Tokens | None = None,
+        phones: bool = False,
         context: ssl.SSLContext | None = None,
         clock: SystemClock | None = None,
         namespace: str = "",
@@ -141,7 +155,11 @@ class Site:
         clock = clock or SystemClock()
         self._listener = listen("127.0.0.1", 0)
         self.port: int = self._listener.getsockname()[1]
-        self.tokens = tokens
+        self.state = state / "phones"
+        self.clock = clock
+        self.sessions = PhoneSessions(self.state, clock) if phones else None
+        if self.sessions is not None:
+            self.sessions.start()
         self.origin = f"{'https' if context else 'http'}://127.0.0.1:{self.port}"
         # The state directory of root is the machine's.
         files = (
@@ -155,12 +173,12 @@ class Site:
             load=lambda: read(None, environ={}, overrides=overrides),
             camera=camera,
         )
-        self.hub = PageHub(client_options(endpoint, namespace=namespace), clock, tools)
+        options = client_options(endpoint, namespace=namespace)
+        self.hub = PageHub(options, clock, tools, sessions=self.sessions)
         application = WebApplication(
             self.hub,
             page_files(folder),
             RequestOrigin([], local=True, tls=context is not None),
-            tokens,
             clock,
             secure=context is not None,
             port=self.port,
@@ -178,15 +196,28 @@ class Site:
         await eventually(lambda: self.server.started)
         return self
 
-    def cookie(self, role: str = "driver") -> dict[str, str]:
-        """The header of one who has entered."""
-        assert self.tokens is not None
-        made = self.tokens.cookie("driver" if role == "driver" else "viewer")
-        return {"Cookie": f"yahboomd-{self.port}={made}"}
+    def link(self, role: Role = "driver") -> str:
+        """The token of a new link."""
+        return make_entry(self.state, role, self.clock)
 
-    async def page(self, role: str = "driver", **options: Any) -> Page:
+    def cookie(self, role: str = "driver", name: str = "") -> dict[str, str]:
+        """The header of a phone that was let in; one of each role and name."""
+        name = name or role.capitalize()
+        number = digest(role + name)[:6]
+        key = digest(number)
+        is_driver = role == "driver"
+        stored = StoredSession(
+            role="driver" if is_driver else "viewer", name=name, key=digest(key), made_s=0
+        )
+        assert self.sessions is not None
+        if number not in {each.id for each in self.sessions.all}:
+            keep(self.state, f"{PREFIX}{number}", msgspec.json.encode(stored))
+            self.sessions._merge(self.sessions._scan(0))
+        return {"Cookie": f"yahboomd-{self.port}={number}.{key}"}
+
+    async def page(self, role: str = "driver", name: str = "", **options: Any) -> Page:
         """Open a page, and wait until it knows its role."""
-        headers = self.cookie(role) if self.tokens else {}
+        headers = self.cookie(role, name) if self.sessions else {}
         page = await self.open(additional_headers=headers, **options)
         await page.one("hello")
         return page

@@ -349,7 +349,7 @@ def test_the_page_is_off_until_installed_and_its_tokens_are_in_no_journal(bench)
         wait_until(lambda: entered("none").startswith('200 {"role":"driver"'), "the page")
         assert 61184 <= int(machine.show(unit, "UID")) <= 65519
         machine.run("yahboomd", "install", "--web", "--listen", "0.0.0.0:8480")
-        wait_until(lambda: entered("wrong").startswith("401"), "the page wants a token")
+        wait_until(lambda: entered("wrong").startswith("401"), "the page wants a link")
         links = machine.run("yahboomd", "web", "--show-link")
         tokens = re.findall(r"#token=([\w-]{22})", links)
         assert len(set(tokens)) == 2
@@ -358,7 +358,12 @@ def test_the_page_is_off_until_installed_and_its_tokens_are_in_no_journal(bench)
         assert "yahboomd web --show-link" in journal
         assert not any(token in journal for token in tokens)
         machine.run("systemctl", "kill", "--signal=SIGKILL", unit)
-        wait_until(lambda: " 204 " in entered(tokens[0]), "it is back, with the same tokens")
+        wait_until(lambda: " 204 " in entered(tokens[1]), "it is back, and knows the other link")
+        assert "used already" in entered(tokens[1])
+        listed = machine.run("yahboomd", "web", "--sessions")
+        assert len(re.findall("A browser", listed)) == 2
+        machine.run("yahboomd", "web", "--end-session", "all")
+        assert "No phone has a session" in machine.run("yahboomd", "web", "--sessions")
         assert machine.show(SERVICE, "ActiveState") == "active"
     finally:
         machine.run("systemctl", "disable", "--now", unit)

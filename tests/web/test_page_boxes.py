@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from real_robot import RealRobot
-from web_site import TOKENS, Site
+from web_site import Site
 from zenoh_fixtures import eventually, free_endpoint
 
 from yahboomd.blackbox.box_file import read_box
@@ -82,7 +82,7 @@ async def test_an_emergency_stop_is_explained_downloaded_and_another_box_saved_o
     environ = {"RUNTIME_DIRECTORY": str(tmp_path / "run")}
     robot = real_robot(run=("--set", f"blackbox.folder={folder}"), environ=environ)
     await asyncio.to_thread(robot.daemon.says, "Connected to")
-    served = await site(endpoint=robot.endpoint, tokens=TOKENS)
+    served = await site(endpoint=robot.endpoint, phones=True)
     await eventually(lambda: served.hub.robot.obstacle() is None)
     viewer, driver = await served.page("viewer"), await served.page()
     await viewer.send(type="estop", id=1)

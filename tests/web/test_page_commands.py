@@ -307,3 +307,24 @@ async def test_control_is_kept_while_it_is_needed_and_lets_go_afterwards() -> No
     assert scene.commands.driver is None
     await asyncio.sleep(100)
     assert scene.changes == 2
+
+
+@HELD
+@on_virtual_time
+async def test_of_two_pages_that_take_control_at_once_one_has_it_and_zero_comes_first(
+    held: Wanted,
+) -> None:
+    scene = Scene()
+    # Both thumbs are down from here on.
+    scene.why(ANNE, held)
+    scene.why(BERT, held)
+    for page in (BERT, ANNE, BERT):
+        scene.commands.take_control(page)
+        assert scene.why(ANNE, held) in {"not_yours", "let_go"}
+        assert scene.why(BERT, held) in {"not_yours", "let_go"}
+    assert scene.commands.driver == BERT
+    assert scene.twists[:2] == [held, STANDSTILL]
+    await asyncio.sleep(2)
+    assert set(scene.twists[1:]) == {STANDSTILL}
+    scene.why(BERT, STANDSTILL)
+    assert scene.why(BERT, held) == ""

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 import pytest
-from web_site import TOKENS, Site
+from web_site import Site
 from zenoh_fixtures import PATIENCE_S, eventually, free_endpoint
 
 from yahboomd.web import page_downloads
@@ -55,7 +55,7 @@ async def test_no_path_leads_to_another_file(site: Start, file: Path, path: str)
 
 
 async def test_a_large_file_arrives_whole_and_only_with_a_session(site: Start, file: Path) -> None:
-    served = await site(endpoint=free_endpoint(), tokens=TOKENS)
+    served = await site(endpoint=free_endpoint(), phones=True)
     path = "/recordings/run-001/native_0.mcap"
     assert (await served.request("GET", path))[0] == 401
     status, headers, body = await served.request("GET", path, **served.cookie("viewer"))
@@ -151,7 +151,7 @@ async def test_downloads_that_are_asked_for_at_once_are_no_more_either(
 async def test_viewers_leave_downloads_to_drivers_and_to_each_other(
     site: Start, file: Path
 ) -> None:
-    served = await site(endpoint=free_endpoint(), tokens=TOKENS)
+    served = await site(endpoint=free_endpoint(), phones=True)
     path = "/recordings/run-001/native_0.mcap"
 
     async def begin(role: str, source: str) -> tuple[bytes, asyncio.StreamWriter]:

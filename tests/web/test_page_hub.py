@@ -7,7 +7,7 @@ from typing import Any
 
 import daemon_samples
 import pytest
-from web_site import TOKENS, ZERO
+from web_site import ZERO
 from websockets.exceptions import ConnectionClosed
 from zenoh_fixtures import eventually, free_endpoint
 
@@ -180,7 +180,7 @@ async def test_a_viewer_watches_and_stops_but_neither_drives_nor_releases(
     fake_daemon: Any, site: Any
 ) -> None:
     daemon = await fake_daemon()
-    served = await site(daemon, tokens=TOKENS)
+    served = await site(daemon, phones=True)
     page = await served.page("viewer")
     assert page.of("hello")[0]["role"] == "viewer"
     await page.one("pose")
@@ -326,7 +326,7 @@ async def test_however_many_viewers_watch_a_drivers_page_finds_room(
     fake_daemon: Any, site: Any
 ) -> None:
     daemon = await fake_daemon()
-    served = await site(daemon, tokens=TOKENS)
+    served = await site(daemon, phones=True)
     for _ in range(MAX_VIEWERS):
         await served.page("viewer")
     assert (

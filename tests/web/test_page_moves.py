@@ -10,7 +10,7 @@ from typing import Any
 import daemon_samples
 import pytest
 from fake_moves import FakeMoves
-from web_site import TOKENS, Page, Site
+from web_site import Page, Site
 from zenoh_fixtures import eventually
 
 from yahboomd.client import move_run
@@ -70,7 +70,7 @@ async def bench(
     bus = Bus(BusOptions(listen=(), connect=(daemon.endpoint,)))
     await bus.open()
     served = FakeMoves(bus)
-    made = await site(daemon, tokens=TOKENS)
+    made = await site(daemon, phones=True)
     await eventually(lambda: made.hub.robot.has_moves)
     yield Bench(daemon, served, made)
     await bus.close()

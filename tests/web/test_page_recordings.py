@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 from real_robot import RealRobot
-from web_site import TOKENS, Page, Site
+from web_site import Page, Site
 from zenoh_fixtures import eventually
 
 from yahboomd.core.clock import SystemClock
@@ -174,7 +174,7 @@ async def test_a_recording_is_made_downloaded_and_deleted_and_a_viewer_only_watc
 ) -> None:
     robot = real_robot()
     await asyncio.to_thread(robot.daemon.says, "Connected to")
-    served = await site(endpoint=robot.endpoint, tokens=TOKENS)
+    served = await site(endpoint=robot.endpoint, phones=True)
     recordings = served.hub.tools.recordings
     driver, viewer = await served.page(), await served.page("viewer")
     for do in ("record", "end_recording", "delete_recording", "calibrate", "undo_calibration"):

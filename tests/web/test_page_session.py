@@ -11,6 +11,7 @@ import pytest
 from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 from yahboomd.web.page_frames import part
 from yahboomd.web.page_session import BURST, FRAMES_PER_S, QUEUED, PageSession
+from yahboomd.web.phone_sessions import PhoneSession
 
 
 class Socket:
@@ -27,7 +28,7 @@ class Socket:
 
 
 def session(socket: Socket) -> PageSession:
-    return PageSession(1, "driver", socket, LoopClock(), 0)  # type: ignore[arg-type]
+    return PageSession(1, None, socket, LoopClock(), 0)  # type: ignore[arg-type]
 
 
 @on_virtual_time
@@ -79,3 +80,15 @@ async def test_a_page_may_send_a_burst_and_then_so_many_a_second() -> None:
     assert not page.may_send()
     await asyncio.sleep(1.0)
     assert sum(page.may_send() for _ in range(BURST)) == pytest.approx(FRAMES_PER_S, abs=2)
+
+
+@on_virtual_time
+async def test_a_page_has_the_role_and_the_name_of_its_phone() -> None:
+    assert (session(Socket()).role, session(Socket()).name) == ("driver", "Page 1")
+    phone = PhoneSession(
+        id="3f9a2c", role="viewer", name="Bert", key="", made_s=0, used_ns=0, touched_ns=0
+    )
+    page = PageSession(2, phone, Socket(), LoopClock(), 0)  # type: ignore[arg-type]
+    assert (page.role, page.name) == ("viewer", "Bert")
+    phone.name = "Bertha"
+    assert page.name == "Bertha"

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from web_site import TOKENS
 from websockets.exceptions import InvalidStatus
 from zenoh_fixtures import eventually, free_endpoint
 
@@ -20,60 +19,6 @@ pytestmark = pytest.mark.realtime
 
 def login(token: str) -> bytes:
     return json.dumps({"token": token}).encode()
-
-
-@pytest.mark.parametrize("role", ["driver", "viewer"])
-async def test_a_token_becomes_a_cookie_that_scripts_cannot_read(site: Any, role: str) -> None:
-    served = await site(endpoint=free_endpoint(), tokens=TOKENS)
-    assert (await served.request("GET", "/session"))[0] == 401
-    token = TOKENS.driver if role == "driver" else TOKENS.viewer
-    status, headers, body = await served.request("POST", "/session", login(token))
-    assert (status, body) == (204, b"")
-    cookie, *attributes = headers["set-cookie"].split("; ")
-    assert {each.lower() for each in attributes} >= {"httponly", "samesite=strict", "path=/"}
-    assert token not in cookie
-    status, _, body = await served.request("GET", "/session", Cookie=cookie)
-    assert (status, json.loads(body)["role"]) == (200, role)
-    page = await served.open(additional_headers={"Cookie": cookie})
-    assert (await page.one("hello"))["role"] == role
-
-
-async def test_without_a_token_or_with_a_wrong_one_no_one_gets_in(site: Any) -> None:
-    served = await site(endpoint=free_endpoint(), tokens=TOKENS)
-    for wrong in ("", "x" * 22, TOKENS.driver[:-1], TOKENS.cookie("driver")):
-        status, headers, _ = await served.request("POST", "/session", login(wrong))
-        assert status == 403
-        assert "set-cookie" not in headers
-    deep = b'{"x": ' + b"[" * 2000
-    for body in (b"", b"{}", b"[]", b'{"token": 1}', b"\xff", deep):
-        assert (await served.request("POST", "/session", body))[0] == 400
-    forged = f"yahboomd-{served.port}={TOKENS.cookie('driver')[:-1]}0"
-    for cookie in ("", forged, f"yahboomd-{served.port}={TOKENS.driver}"):
-        assert (await served.request("GET", "/session", Cookie=cookie))[0] == 401
-        assert (await served.request("POST", "/estop", Cookie=cookie))[0] == 401
-        with pytest.raises(InvalidStatus, match="401"):
-            await served.open(additional_headers={"Cookie": cookie} if cookie else {})
-
-
-async def test_guessing_tokens_is_slowed_down_and_the_estop_is_not(
-    fake_daemon: Any, site: Any
-) -> None:
-    daemon = await fake_daemon()
-    served = await site(daemon, tokens=TOKENS)
-    answers = [await served.request("POST", "/session", login("wrong")) for _ in range(12)]
-    assert [status for status, _, _ in answers] == [403] * 10 + [429] * 2
-    assert 1 <= int(answers[-1][1]["retry-after"]) <= 6
-    # Not even the right one.
-    assert (await served.request("POST", "/session", login(TOKENS.driver)))[0] == 429
-    status, _, body = await served.request("POST", "/estop", **served.cookie("viewer"))
-    assert (status, json.loads(body)["engaged"]) == (200, True)
-
-
-async def test_on_loopback_no_token_is_needed(site: Any) -> None:
-    served = await site(endpoint=free_endpoint())
-    status, _, body = await served.request("GET", "/session")
-    assert (status, json.loads(body)["role"]) == (200, "driver")
-    assert (await served.request("POST", "/session", login("any")))[0] == 204
 
 
 @pytest.mark.parametrize("host", ["evil.example", "", "127.0.0.1.evil.example:80", "192.0.2.1"])
@@ -103,21 +48,24 @@ async def test_a_foreign_origin_is_refused_for_all_that_changes_anything(
     fake_daemon: Any, site: Any, origin: str
 ) -> None:
     daemon = await fake_daemon()
-    served = await site(daemon, tokens=TOKENS)
-    for path in ("/estop", "/session"):
+    served = await site(daemon, phones=True)
+    number = served.sessions.all[0].id if served.cookie() else ""
+    for path in ("/estop", "/session", "/session/name", f"/sessions/{number}/end"):
         status, _, _ = await served.request(
-            "POST", path, login(TOKENS.driver), Origin=origin, **served.cookie()
+            "POST", path, login(served.link()), Origin=origin, **served.cookie()
         )
         assert status == 403
     with pytest.raises(InvalidStatus, match="403"):
         await served.open(origin=origin or None, additional_headers=served.cookie())
+    assert [each.id for each in served.sessions.all] == [number]
     if origin:
-        assert (await served.request("GET", "/", Origin=origin))[0] == 403
+        for path in ("/", "/sessions"):
+            assert (await served.request("GET", path, Origin=origin, **served.cookie()))[0] == 403
     assert daemon.asked == []
 
 
 async def test_every_answer_forbids_frames_foreign_scripts_and_referrers(site: Any) -> None:
-    served = await site(endpoint=free_endpoint(), tokens=TOKENS)
+    served = await site(endpoint=free_endpoint(), phones=True)
     for method, path in (
         *(("GET", "/"), ("GET", "/page/nothing.js"), ("GET", "/nothing"), ("GET", "/session")),
         *(("POST", "/session"), ("POST", "/estop"), ("DELETE", "/")),
@@ -156,7 +104,7 @@ async def test_no_path_leads_out_of_the_page(site: Any, path: str) -> None:
 
 
 async def test_bodies_and_headers_are_bounded_in_size(site: Any) -> None:
-    served = await site(endpoint=free_endpoint(), tokens=TOKENS)
+    served = await site(endpoint=free_endpoint(), phones=True)
     assert (await served.request("POST", "/session", b"x" * 2049))[0] == 413
     chunked = (
         (
@@ -212,15 +160,20 @@ async def test_no_token_and_no_cookie_is_logged(
     site: Any, caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
 ) -> None:
     caplog.set_level(logging.DEBUG)
-    served = await site(endpoint=free_endpoint(), tokens=TOKENS)
-    await served.request("POST", "/session", login(TOKENS.driver))
+    served = await site(endpoint=free_endpoint(), phones=True)
+    token = served.link()
+    _, headers, _ = await served.request("POST", "/session", login(token))
+    cookie = headers["set-cookie"].split("; ")[0]
     # A person who puts it into the wrong place.
-    await served.request("GET", f"/?token={TOKENS.driver}")
-    await served.request("GET", f"/{TOKENS.driver}", Cookie=f"a={TOKENS.driver}")
-    await served.raw(f"{TOKENS.driver}\r\n\r\n".encode())
-    page = await served.page()
-    await page.socket.send(TOKENS.driver)
+    await served.request("GET", f"/?token={token}")
+    await served.request("GET", f"/{token}", Cookie=f"a={token}")
+    await served.raw(f"{token}\r\n\r\n".encode())
+    await served.request("POST", "/session", login(token))
+    page = await served.open(additional_headers={"Cookie": cookie})
+    await page.socket.send(token)
     await page.close_code()
+    await served.sessions.end(served.sessions.all[0])
+    await served.request("GET", "/session", Cookie=cookie)
     written = caplog.text + "".join(capfd.readouterr())
     server_lines = [
         f"{record.name} {record.getMessage()}"
@@ -229,13 +182,14 @@ async def test_no_token_and_no_cookie_is_logged(
         if not record.name.startswith("websockets.client")
     ]
     assert written
-    assert not [line for line in server_lines if TOKENS.driver in line]
-    assert not [line for line in server_lines if TOKENS.cookie("driver") in line]
+    secret = cookie.partition(".")[2]
+    assert len(secret) == 22
+    assert not [line for line in server_lines if token in line or secret in line]
 
 
 async def test_a_slow_body_is_given_up(site: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("yahboomd.web.web_application.BODY_S", 0.05)
-    served = await site(endpoint=free_endpoint(), tokens=TOKENS)
+    monkeypatch.setattr("yahboomd.web.session_routes.BODY_S", 0.05)
+    served = await site(endpoint=free_endpoint(), phones=True)
     head = (
         f"POST /session HTTP/1.1\r\nHost: 127.0.0.1:{served.port}\r\nOrigin: {served.origin}\r\n"
         "Content-Length: 100\r\nConnection: close\r\n\r\n{"

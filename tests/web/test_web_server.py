@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from web_site import TOKENS, ZERO
+from web_site import ZERO
 from zenoh_fixtures import eventually, free_endpoint
 
 from yahboomd.cli.process_limits import allow_files
@@ -208,14 +208,14 @@ async def test_tls_serves_the_page_and_its_cookie_travels_over_it_alone(
     daemon = await fake_daemon()
     certificate, key, _ = make_certificate(tmp_path, ["127.0.0.1", "localhost"])
     context = Certificate(certificate=certificate, key=key).context()
-    served = await site(daemon, tokens=TOKENS, context=context)
+    served = await site(daemon, phones=True, context=context)
     trusting = ssl.create_default_context(cafile=str(certificate))
     page = await served.driver(ssl=trusting)
     await page.press(lambda: daemon.velocities)
     page.socket.transport.abort()
     await eventually(lambda: daemon.velocities[-1] == ZERO)
     reader, writer = await asyncio.open_connection("127.0.0.1", served.port, ssl=trusting)
-    body = json.dumps({"token": TOKENS.driver})
+    body = json.dumps({"token": served.link()})
     writer.write(
         f"POST /session HTTP/1.1\r\nHost: 127.0.0.1:{served.port}\r\nOrigin: {served.origin}\r\n"
         f"Content-Length: {len(body)}\r\nConnection: close\r\n\r\n{body}".encode()

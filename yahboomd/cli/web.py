@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 
     from yahboomd.core.bus.options import BusOptions
     from yahboomd.tools.metrics.http_listener import Place
-    from yahboomd.web.entry_tokens import Tokens
     from yahboomd.web.page_hub import PageHub
     from yahboomd.web.page_tools import ToolSettings
+    from yahboomd.web.phone_sessions import Refusal
     from yahboomd.web.web_server import WebServer
 
 SERVICES = Path("/etc/yahboomd")
@@ -43,20 +43,25 @@ SERVICES = Path("/etc/yahboomd")
 
 DEFAULT_PLACE = "127.0.0.1:8480"
 
+REFUSALS_S = 60
+
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 DESCRIPTION = """\
 Serve a page from which a phone drives the robot, watches it and stops it. It is an ordinary client
 of the bus, and everything that it shows is in this installation: a robot's hotspot needs no
-internet. Only this machine reaches it, unless --listen names another address: then people need
-the link with a token, which this command prints, also as a QR code for the phone's camera.
+internet. Only this machine reaches it, unless --listen names another address: then each phone
+gets in by a link, which this command prints, also as a QR code for the phone's camera. A link
+works once; the phone then has a session of its own.
 """
 
 EPILOG = """\
 examples:
   yahboomd web                                 for a browser on this machine
   yahboomd web --listen 0.0.0.0:8480           for phones: prints the link and a QR code
-  yahboomd web --show-link                     show the link again
+  yahboomd web --show-link                     make links for further phones
+  yahboomd web --sessions                      the phones that may use the page
+  yahboomd web --end-session 3f9a2c            one of them may no longer; all: every one
   yahboomd web --make-certificate              once: the page is served over TLS from then on
   yahboomd web --listen 0.0.0.0:8480 --certificate FILE --key FILE
 
@@ -75,7 +80,6 @@ class _Setup(NamedTuple):
 
     place: Place
     names: list[str]
-    tokens: Tokens | None
     context: SSLContext | None
     options: BusOptions
     source: str
@@ -105,12 +109,19 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--show-link",
         action="store_true",
-        help="print the links with their tokens, and the QR code; serve nothing",
+        help="make a link to drive and one to watch, each for one phone; print them, and the QR "
+        "code; serve nothing",
     )
     parser.add_argument(
-        "--new-tokens",
+        "--sessions",
         action="store_true",
-        help="make new tokens, so that every link and session of before is void; serve nothing",
+        help="list the phones that may use the page; serve nothing",
+    )
+    parser.add_argument(
+        "--end-session",
+        metavar="NUMBER",
+        help="end the session of a phone by its number in that list, or of all phones; serve "
+        "nothing",
     )
     parser.add_argument(
         "--make-certificate",
@@ -136,8 +147,8 @@ def run(args: argparse.Namespace) -> int:
     folder = state_folder(os.environ, os.geteuid())
     if args.make_certificate:
         return _certify(folder, args.host_name)
-    if args.new_tokens or args.show_link:
-        return _links(args, folder)
+    if args.end_session is not None or args.sessions or args.show_link:
+        return _access(args, folder)
     from yahboomd.cli.config_apart import read_config_apart
     from yahboomd.web.page_tools import ToolSettings
 
@@ -150,7 +161,6 @@ def run(args: argparse.Namespace) -> int:
     setup = _Setup(
         place=place,
         names=args.host_name,
-        tokens=None if place.is_loopback else _tokens(folder),
         context=_context(args, place, folder),
         folder=folder,
         options=client_options(daemon_endpoints(args, loaded.config), loaded.config),
@@ -166,7 +176,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def state_folder(environ: Mapping[str, str], user_id: int) -> Path:
-    """The folder for tokens and a certificate.
+    """The folder for links, sessions and a certificate.
 
     Args:
         environ: For ``STATE_DIRECTORY`` (the service manager's), ``XDG_STATE_HOME`` and ``HOME``.
@@ -190,12 +200,6 @@ def _place(text: str) -> Place:
             remedy=f"Such as {DEFAULT_PLACE}, or 0.0.0.0:8480 for phones.",
         )
     return place
-
-
-def _tokens(folder: Path) -> Tokens:
-    from yahboomd.web.entry_tokens import make_tokens, read_tokens
-
-    return read_tokens(folder) or make_tokens(folder)
 
 
 def _context(args: argparse.Namespace, place: Place, folder: Path) -> SSLContext | None:
@@ -226,15 +230,20 @@ def _certify(folder: Path, names: list[str]) -> int:
     return os.EX_OK
 
 
-def _links(args: argparse.Namespace, folder: Path) -> int:
-    from yahboomd.web.entry_tokens import make_tokens
-    from yahboomd.web.page_link import last_served, print_links
+def _access(args: argparse.Namespace, folder: Path) -> int:
+    from yahboomd.core.clock import SystemClock
+    from yahboomd.web.page_link import end_sessions, last_served, print_links, print_sessions
 
-    tokens = make_tokens(folder) if args.new_tokens else _tokens(folder)
-    if args.new_tokens:
-        print("New tokens are made. If `yahboomd web` runs, start it again.")
-    place, tls = (_place(args.listen), False) if args.listen is not None else last_served(folder)
-    print_links(place, tokens, tls=tls or _context(args, place, folder) is not None)
+    clock = SystemClock()
+    if args.end_session is not None:
+        print(end_sessions(folder, args.end_session))
+    elif args.sessions:
+        print_sessions(folder, clock)
+    else:
+        given = args.listen is not None
+        place, tls = (_place(args.listen), False) if given else last_served(folder)
+        tls = tls or _context(args, place, folder) is not None
+        print_links(folder, place, clock, tls=tls)
     return os.EX_OK
 
 
@@ -244,6 +253,7 @@ async def _serve(setup: _Setup) -> int:
     from yahboomd.web.page_files import page_files
     from yahboomd.web.page_hub import PageHub
     from yahboomd.web.page_link import announce, link, own_names
+    from yahboomd.web.phone_sessions import PhoneSessions
     from yahboomd.web.request_origin import RequestOrigin
     from yahboomd.web.web_application import WebApplication
     from yahboomd.web.web_server import FILES, WebServer, listen
@@ -257,13 +267,16 @@ async def _serve(setup: _Setup) -> int:
     listener = listen(place.host, place.port)
     port = listener.getsockname()[1]
     place = type(place)(host=place.host, port=port)
-    hub = PageHub(setup.options, clock, setup.tools, setup.source)
+    # On loopback everybody who reaches the page drives.
+    sessions = None if place.is_loopback else PhoneSessions(setup.folder, clock)
+    if sessions is not None:
+        sessions.start()
+    hub = PageHub(setup.options, clock, setup.tools, setup.source, sessions)
     names = set(setup.names) | (set() if place.is_loopback else own_names())
     application = WebApplication(
         hub,
         page_files(),
         RequestOrigin(names, local=place.is_loopback, tls=tls),
-        setup.tokens,
         clock,
         secure=tls,
         port=port,
@@ -272,10 +285,10 @@ async def _serve(setup: _Setup) -> int:
     loop = asyncio.get_running_loop()
     for number in SIGNALS:
         loop.add_signal_handler(number, _end, server, hub)
-    if setup.tokens is None:
+    if sessions is None:
         print(f"The page is at {link(place.host, port, tls=tls)}", flush=True)
     else:
-        announce(place, setup.tokens, setup.folder, tls=tls)
+        announce(setup.folder, place, clock, tls=tls)
     return await _until_ended(server, hub, listener, ", ".join(setup.options.connect))
 
 
@@ -304,9 +317,11 @@ async def _until_ended(server: WebServer, hub: PageHub, listener: socket, where:
 
 
 async def _report(hub: PageHub, where: str) -> None:
-    """Print when the daemon comes or goes, and why the camera shows nothing, each once."""
+    """Print when the daemon comes or goes, why the camera shows nothing, and who was refused."""
     alive: bool | None = None
     problem = ""
+    told: dict[Refusal, int] = {}
+    seconds = 0
     while True:
         await asyncio.sleep(1.0)
         if hub.robot.alive != alive:
@@ -316,3 +331,7 @@ async def _report(hub: PageHub, where: str) -> None:
         if hub.camera is not None and hub.camera.problem not in {"", problem}:
             problem = hub.camera.problem
             print(problem, flush=True)
+        seconds += 1
+        if hub.sessions is not None and seconds % REFUSALS_S == 1 and hub.sessions.refused != told:
+            told = dict(hub.sessions.refused)
+            print(f"Refused since the start: {hub.sessions.refused_in_words()}.", flush=True)

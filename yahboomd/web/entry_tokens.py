@@ -1,52 +1,57 @@
-"""The tokens that give access to the page, and their cookies.
+"""Links that let one phone in, once: a terminal makes them, the server uses them up.
 
-Two tokens, made once: the driver's and the viewer's. A page exchanges its token for a cookie
-derived from it: a new token ends all sessions of the old one, a restart of the server ends none.
+Each link is a file in the state directory. Its name has a hash of the token, and removing it uses
+the link up: of two phones with the same link one removes it. Its age is measured on the clock that
+counts from the boot, which no correction of the time changes; a link of another boot is removed
+when the server starts.
 """
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
-import hmac
 import os
 import secrets
+import stat
 from pathlib import Path
+from typing import Literal, TypeAlias, TypeVar
 
 import msgspec
 
+from yahboomd.core.clock import Clock
 from yahboomd.core.errors import ConfigError
+from yahboomd.core.model import NS_PER_S
 from yahboomd.tools.whole_file import write_whole
 from yahboomd.web.page_frames import Role
 
-FILE = "web-tokens.json"
+T = TypeVar("T")
+
+PREFIX = "web-link-"
+
+MINUTES = 15
+"""How long a link that was not used lets somebody in."""
+
+LIFE_NS = MINUTES * 60 * NS_PER_S
 
 LARGEST_BYTES = 4096
 
-ROLES: tuple[Role, ...] = ("driver", "viewer")
+Fault: TypeAlias = Literal["unknown", "old"]
 
 
-class Tokens(msgspec.Struct, frozen=True, kw_only=True):
-    """The tokens of one robot, for people who drive and for people who watch."""
+class EntryLink(msgspec.Struct, frozen=True, kw_only=True):
+    """A link that was not used yet.
 
-    driver: str
-    viewer: str
+    Attributes:
+        made_ns: Nanoseconds since the boot of this machine.
+    """
 
-    def of(self, role: Role) -> str:
-        """The token of a role."""
-        return self.driver if role == "driver" else self.viewer
+    role: Role
+    made_ns: int
 
-    def role(self, token: str) -> Role | None:
-        """The role of a token, compared in constant time; None for a wrong one."""
-        return _matching({role: self.of(role) for role in ROLES}, token)
 
-    def cookie(self, role: Role) -> str:
-        """The cookie of a role."""
-        key = self.of(role).encode()
-        return hmac.new(key, f"yahboomd web {role}".encode(), hashlib.sha256).hexdigest()
-
-    def role_of_cookie(self, cookie: str) -> Role | None:
-        """The role of a cookie, compared in constant time; None for a wrong one."""
-        return _matching({role: self.cookie(role) for role in ROLES}, cookie)
+def since_boot_ns(clock: Clock) -> int:
+    """The time since the boot, which corrections of the time do not change."""
+    return clock.now_ns() + clock.suspended_ns()
 
 
 def keep(folder: Path, name: str, content: bytes) -> None:
@@ -64,62 +69,80 @@ def keep(folder: Path, name: str, content: bytes) -> None:
     write_whole(folder / name, content, mode=0o600, owner=owner)
 
 
-def _matching(expected: dict[Role, str], given: str) -> Role | None:
-    found: Role | None = None
-    # Both are compared, so that the time does not show which one matched.
-    for role, secret in expected.items():
-        if hmac.compare_digest(secret.encode(), given.encode()):
-            found = role
-    return found
+def read_private(path: Path, kind: type[T]) -> T | None:
+    """A file that nobody but its owner can use; None if it is missing or anything else.
 
-
-def read_tokens(folder: Path) -> Tokens | None:
-    """The tokens in the state directory; None if there are none.
-
-    Raises:
-        ConfigError: The file cannot be used, or others may read it.
+    Links are not followed: root reads the folder of the service's user.
     """
-    path = folder / FILE
     try:
-        with path.open("rb") as file:
-            if os.fstat(file.fileno()).st_mode & 0o077:
-                raise ConfigError(
-                    f"{path} can be read by other users: its tokens are no secret any more.",
-                    remedy="Make new ones with `yahboomd web --new-tokens`.",
-                )
-            tokens = msgspec.json.decode(file.read(LARGEST_BYTES), type=Tokens)
-    except FileNotFoundError:
+        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+        with os.fdopen(descriptor, "rb") as file:
+            mode = os.fstat(descriptor).st_mode
+            if not stat.S_ISREG(mode) or mode & 0o077:
+                return None
+            return msgspec.json.decode(file.read(LARGEST_BYTES), type=kind)
+    except (OSError, ValueError, RecursionError):
         return None
-    except PermissionError as error:
-        raise ConfigError(
-            f"{path} may not be read by this user.",
-            remedy="If it belongs to the service: `sudo yahboomd web --show-link`.",
-        ) from error
-    except (OSError, ValueError) as error:
-        raise ConfigError(
-            f"{path} cannot be used: {error}.",
-            remedy="Make new tokens with `yahboomd web --new-tokens`.",
-        ) from error
-    if min(len(tokens.driver), len(tokens.viewer)) < 16 or tokens.driver == tokens.viewer:
-        raise ConfigError(
-            f"The tokens in {path} are too short, or the same one.",
-            remedy="Make new ones with `yahboomd web --new-tokens`.",
-        )
-    return tokens
 
 
-def make_tokens(folder: Path) -> Tokens:
-    """Make tokens, readable by this user only; older ones become invalid.
+def make_entry(folder: Path, role: Role, clock: Clock) -> str:
+    """Make a link for one phone; returns its token. Older links that ended are removed.
 
     Raises:
         ConfigError: The folder cannot be written to.
     """
-    tokens = Tokens(driver=secrets.token_urlsafe(16), viewer=secrets.token_urlsafe(16))
+    token = secrets.token_urlsafe(16)
+    now_ns = since_boot_ns(clock)
+    link = EntryLink(role=role, made_ns=now_ns)
     try:
-        keep(folder, FILE, msgspec.json.encode(tokens))
+        forget_links(folder, now_ns)
+        keep(folder, _name(token), msgspec.json.encode(link))
     except OSError as error:
         raise ConfigError(
-            f"The tokens cannot be kept in {folder}: {error.strerror}.",
-            remedy="Set XDG_STATE_HOME to a folder that this user may write to.",
+            f"No link can be made in {folder}: {error.strerror}.",
+            remedy="If it belongs to the service: `sudo yahboomd web --show-link`. Else make room "
+            "on the disk, or set XDG_STATE_HOME to a folder that this user may write to.",
         ) from error
-    return tokens
+    return token
+
+
+def link_of(folder: Path, token: str, now_ns: int) -> EntryLink | Fault:
+    """The link of a token, or the reason why it lets nobody in."""
+    link = read_private(folder / _name(token), EntryLink)
+    if link is None:
+        return "unknown"
+    return link if 0 <= now_ns - link.made_ns <= LIFE_NS else "old"
+
+
+def use_up(folder: Path, token: str) -> bool:
+    """Use the link up; returns whether it was there: of all that try, one succeeds.
+
+    Raises:
+        OSError: It cannot be removed, and lets nobody in.
+    """
+    try:
+        (folder / _name(token)).unlink()
+    except FileNotFoundError:
+        return False
+    return True
+
+
+def forget_links(folder: Path, now_ns: int | None = None) -> int:
+    """Remove the links that ended by this time, or all of them; returns their number."""
+    gone = 0
+    for path in folder.glob(f"{PREFIX}*"):
+        link = read_private(path, EntryLink)
+        if now_ns is None or link is None or not 0 <= now_ns - link.made_ns <= LIFE_NS:
+            with contextlib.suppress(OSError):
+                path.unlink()
+                gone += 1
+    return gone
+
+
+def digest(secret: str) -> str:
+    """A hash of a secret of 128 bits, so that reading the file gives nobody the secret."""
+    return hashlib.sha256(secret.encode("utf-8", "surrogatepass")).hexdigest()
+
+
+def _name(token: str) -> str:
+    return f"{PREFIX}{digest(token)[:40]}"

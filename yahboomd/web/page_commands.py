@@ -9,7 +9,7 @@
 - When motion is refused, or the page falls silent in mid-motion, loses control or is closed, the
   wheels get zeros for a second; then nothing, because a zero holds control of the robot.
 - After that a page has to let go first: motion is refused until it has sent a zero.
-- A page that has not driven for :data:`LETS_GO_NS` loses control, so that the next one need not ask.
+- A page that has not driven for :data:`LETS_GO_NS` loses control: the next one need not ask.
 """
 
 from __future__ import annotations

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 from collections.abc import Awaitable, Callable, Coroutine, Mapping
+from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
@@ -29,7 +30,6 @@ from yahboomd.web.page_frames import (
     LetGo,
     PageFrame,
     RequestFrame,
-    Role,
     Seen,
     StopFrame,
     Tool,
@@ -40,6 +40,7 @@ from yahboomd.web.page_frames import (
 from yahboomd.web.page_moves import NO_MOVES, PageMoves
 from yahboomd.web.page_session import PageSession
 from yahboomd.web.page_tools import PageTools, ToolSettings
+from yahboomd.web.phone_sessions import ENDED, PhoneSession, PhoneSessions
 from yahboomd.web.robot_feed import RobotFeed, daemon_part
 
 MAX_PAGES = 64
@@ -60,13 +61,13 @@ NS_PER_MS = 1_000_000
 REFUSALS_NS = 200_000_000
 """The least time between two refusals reported to a page."""
 
-POLICY, FULL = 1008, 1013
-"""Codes of a closed WebSocket: the page broke a rule; too many pages."""
+POLICY, FULL, SESSION_ENDED = 1008, 1013, 4401
+"""Codes of a closed WebSocket: the page broke a rule; too many pages; its session has ended."""
 
 CALIBRATION = "yahboomd calibrate"
 """Who commands during a calibration, for people."""
 
-VIEWS = ("drive", "map", "wheels", "health", "calibrate", "record", "boxes")
+VIEWS = ("drive", "map", "wheels", "health", "calibrate", "record", "boxes", "phones")
 
 VIEWER = PageRefusal(
     why="viewer", text="This link lets you watch and stop the robot, not drive it."
@@ -86,8 +87,14 @@ class PageHub:
         clock: Clock,
         settings: ToolSettings,
         source: str = keys.CMD_VEL_WEB,
+        sessions: PhoneSessions | None = None,
     ) -> None:
         self._clock = clock
+        self.sessions = sessions
+        """The sessions of phones; None if everybody who reaches the page may drive."""
+        if sessions is not None:
+            sessions.on_end = self._session_ended
+            sessions.on_name = self._show_control
         self._beats = Beats(clock)
         self._pages: dict[int, PageSession] = {}
         self._numbers = 0
@@ -132,12 +139,17 @@ class PageHub:
             BusError: The endpoint, the namespace or the file cannot be used.
         """
         schedule = Schedule(self._clock, PERIOD_NS)
-        beating = asyncio.create_task(schedule.run(self._beat), name="web-beat")
+        tasks: list[asyncio.Task[Any]] = [
+            asyncio.create_task(schedule.run(self._beat), name="web-beat")
+        ]
+        if self.sessions is not None:
+            tasks.append(asyncio.create_task(self.sessions.run(), name="web-sessions"))
         try:
             await self.robot.run()
         finally:
-            beating.cancel()
-            await asyncio.gather(beating, return_exceptions=True)
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
             await self.moves.close()
             await self.tools.close()
             self._commands.close()
@@ -147,14 +159,23 @@ class PageHub:
         self._commands.end()
         self.tools.stop()
 
-    async def attend(self, socket: WebSocket, role: Role) -> None:
-        """Serve one page until it leaves."""
+    def lets_in(self, phone: PhoneSession | None) -> bool:
+        """Whether a page of this phone may be served: its session is valid, or none is needed."""
+        return self.sessions is None or (phone is not None and phone in self.sessions.all)
+
+    async def attend(self, socket: WebSocket, phone: PhoneSession | None) -> None:
+        """Serve one page until it leaves, or its session ends."""
+        if not self.lets_in(phone):
+            # It ended while the WebSocket was opened.
+            await socket.close(SESSION_ENDED, ENDED)
+            return
+        role = "driver" if phone is None else phone.role
         viewers = sum(each.role == "viewer" for each in self._pages.values())
         if len(self._pages) >= MAX_PAGES or (role == "viewer" and viewers >= MAX_VIEWERS):
             await socket.close(FULL, f"{len(self._pages)} pages are open already. Close one.")
             return
         self._numbers += 1
-        page = PageSession(self._numbers, role, socket, self._clock, self._beats.latest)
+        page = PageSession(self._numbers, phone, socket, self._clock, self._beats.latest)
         self._pages[page.number] = page
         page.queue(self._hello(page))
         page.queue(daemon_part(self.robot))
@@ -163,17 +184,39 @@ class PageHub:
         page.show(self.robot.known | self.tools.shown() | {"move": self.moves.shown()})
         if role == "driver":
             self.tools.recordings.driver_came(page.number)
+        if phone is not None:
+            phone.pages += 1
         sending = asyncio.create_task(page.send(), name="web-send")
         receiving = asyncio.create_task(self._receive(page, socket), name="web-receive")
+        over: list[asyncio.Future[Any]] = [sending, receiving, page.ended]
         try:
-            await asyncio.wait([sending, receiving], return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait(over, return_when=asyncio.FIRST_COMPLETED)
         finally:
-            del self._pages[page.number]
-            self._commands.closed(page.number)
-            self.tools.page_left(page.number)
+            self._leave(page)
             for task in (sending, receiving, *page.requests):
                 task.cancel()
             await asyncio.gather(sending, receiving, *page.requests, return_exceptions=True)
+        if page.ended.done():
+            await socket.close(SESSION_ENDED, page.ended.result())
+
+    def _leave(self, page: PageSession) -> None:
+        """It has no part in anything any more: the wheels stop if it drives."""
+        if self._pages.pop(page.number, None) is not None:
+            self._commands.closed(page.number)
+            self.tools.page_left(page.number)
+            if page.phone is not None:
+                page.phone.pages -= 1
+
+    def _session_ended(self, session: PhoneSession, words: str) -> None:
+        for page in [each for each in self._pages.values() if each.phone is session]:
+            self._leave(page)
+            # A closed WebSocket has room for 123 bytes of it.
+            page.ended.set_result(words.encode()[:123].decode(errors="ignore"))
+
+    def has_control(self, session: PhoneSession) -> bool:
+        """Whether a page of this phone has control."""
+        page = self._pages.get(self._commands.driver or 0)
+        return page is not None and page.phone is session
 
     # From the pages.
 
@@ -189,6 +232,8 @@ class PageHub:
                 self._stop(page, frame)
                 await asyncio.sleep(STOP_S)
                 continue
+            if page.ended.done():
+                return
             if not page.may_send():
                 await socket.close(POLICY, "This page sends more than a page does.")
                 return
@@ -377,7 +422,12 @@ class PageHub:
             mine=page.number == self._commands.driver,
             driver="the page" if driver == self.robot.source else driver,
             page_driver=self._commands.driver,
+            name=self._driver_name(),
         )
+
+    def _driver_name(self) -> str:
+        page = self._pages.get(self._commands.driver or 0)
+        return "" if page is None else page.name
 
     def _show_control(self) -> None:
         self._driver = (self._commands.driver, self.robot.driver)

@@ -13,9 +13,16 @@ from pathlib import Path
 
 import msgspec
 
+from yahboomd.core.clock import Clock
 from yahboomd.core.errors import ConfigError
+from yahboomd.core.model import NS_PER_S
+from yahboomd.core.program import plain
 from yahboomd.tools.metrics.http_listener import Place
-from yahboomd.web.entry_tokens import Tokens, keep
+from yahboomd.web.entry_tokens import MINUTES, forget_links, keep, make_entry
+from yahboomd.web.page_frames import Role
+from yahboomd.web.session_files import end_stored, stored_sessions
+
+ROLES: tuple[Role, Role] = ("driver", "viewer")
 
 SIOCGIFADDR = 0x8915
 """Of linux/sockios.h: the address of an interface."""
@@ -99,32 +106,89 @@ def last_served(folder: Path) -> tuple[Place, bool]:
     )
 
 
-def print_links(place: Place, tokens: Tokens, *, tls: bool) -> None:
-    """Print the links for people who drive and who watch, and a QR code on a terminal."""
+def print_links(folder: Path, place: Place, clock: Clock, *, tls: bool) -> None:
+    """Make a link for a person who drives and one who watches; print both, with a QR code.
+
+    Raises:
+        ConfigError: The folder cannot be written to.
+    """
     hosts = reachable_hosts(place.host)
+    driver, viewer = (make_entry(folder, role, clock) for role in ROLES)
     for host in hosts:
-        print(f"to drive:           {link(host, place.port, tls=tls, token=tokens.driver)}")
+        print(f"to drive:           {link(host, place.port, tls=tls, token=driver)}")
     for host in hosts:
-        print(f"to watch and stop:  {link(host, place.port, tls=tls, token=tokens.viewer)}")
+        print(f"to watch and stop:  {link(host, place.port, tls=tls, token=viewer)}")
+    print(f"Each lets one phone in, once, within {MINUTES} minutes.")
     if sys.stdout.isatty():
         print(f"\nto drive, for the camera of a phone that reaches {hosts[0]}:")
-        print(qr_lines(link(hosts[0], place.port, tls=tls, token=tokens.driver)))
+        print(qr_lines(link(hosts[0], place.port, tls=tls, token=driver)))
 
 
-def announce(place: Place, tokens: Tokens, folder: Path, *, tls: bool) -> None:
-    """Print the links on a terminal; in a log, only how to see them."""
+def announce(folder: Path, place: Place, clock: Clock, *, tls: bool) -> None:
+    """Print links on a terminal; in a log, only how to get them."""
     with contextlib.suppress(OSError):
         keep(folder, SERVED, msgspec.json.encode(Served(listen=str(place), tls=tls)))
     if sys.stdout.isatty():
-        print_links(place, tokens, tls=tls)
+        try:
+            print_links(folder, place, clock, tls=tls)
+        except ConfigError as error:
+            # A full disk: phones that have a session go on.
+            print(error)
     else:
         print(
-            f"The page is at port {place.port} of this machine. Its links have tokens and are not "
-            "logged; to see them, as this user or as root: yahboomd web --show-link"
+            f"The page is at port {place.port} of this machine. A phone gets in by a link, which "
+            "is not logged; to get one, as this user or as root: yahboomd web --show-link"
         )
     if not tls:
         print(
-            "Without TLS everybody on that network can read the traffic, also the token: "
+            "Without TLS everybody on that network can read the traffic, also the cookies: "
             "yahboomd web --make-certificate",
             flush=True,
         )
+
+
+def print_sessions(folder: Path, clock: Clock) -> None:
+    """Print the phones that may use the page, those used last first."""
+    now_ns = clock.wall_ns()
+    found = sorted(stored_sessions(folder), key=lambda each: -each[2])
+    if not found:
+        print("No phone has a session. For a link: yahboomd web --show-link")
+        return
+    print(f"{'number':8}{'may':10}{'last used':18}name")
+    for number, stored, used_ns in found:
+        may = "drive" if stored.role == "driver" else "watch"
+        ago = _ago(max(0, now_ns - used_ns) // NS_PER_S)
+        print(f"{plain(number)[:6]:8}{may:10}{ago:18}{plain(stored.name)}")
+    print("End one: yahboomd web --end-session NUMBER. End all: yahboomd web --end-session all")
+
+
+def end_sessions(folder: Path, which: str) -> str:
+    """End the session of this number, or `all` and every unused link; returns what was done.
+
+    Raises:
+        ConfigError: There is no such session, or its file cannot be removed.
+    """
+    try:
+        if which == "all":
+            ended = sum(end_stored(folder, number) for number, *_ in [*stored_sessions(folder)])
+            links = forget_links(folder)
+            return f"{ended} sessions are ended, and {links} unused links are void."
+        known = [number for number, *_ in stored_sessions(folder)]
+        if which in known and end_stored(folder, which):
+            return f"Session {which} is ended: its page shows it within seconds."
+    except OSError as error:
+        raise ConfigError(
+            f"A session in {folder} cannot be ended: {error.strerror}.",
+            remedy="If it belongs to the service: `sudo yahboomd web --end-session ...`.",
+        ) from error
+    raise ConfigError(
+        f"There is no session {which} in {folder}.",
+        remedy="`yahboomd web --sessions` lists them; those of the service: with sudo.",
+    )
+
+
+def _ago(idle_s: int) -> str:
+    for size_s, unit in ((86400, "days"), (3600, "h"), (60, "min")):
+        if idle_s >= 2 * size_s:
+            return f"{idle_s // size_s} {unit} ago"
+    return "now"

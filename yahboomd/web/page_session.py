@@ -11,6 +11,7 @@ from starlette.websockets import WebSocket
 from yahboomd.core.clock import Clock
 from yahboomd.core.model import NS_PER_S
 from yahboomd.web.page_frames import Role, part
+from yahboomd.web.phone_sessions import PhoneSession
 
 QUEUED = 64
 """Events and answers kept for a slow page; the oldest are dropped and counted."""
@@ -28,15 +29,24 @@ class PageSession:
     """An accepted WebSocket.
 
     Args:
-        number: Its name for other pages.
+        number: Tells it from other pages.
+        phone: The session of its phone; None if everybody may drive.
         joined: The latest beat when it connected.
     """
 
     def __init__(
-        self, number: int, role: Role, socket: WebSocket, clock: Clock, joined: int
+        self,
+        number: int,
+        phone: PhoneSession | None,
+        socket: WebSocket,
+        clock: Clock,
+        joined: int,
     ) -> None:
         self.number = number
-        self.role = role
+        self.phone = phone
+        self.role: Role = "driver" if phone is None else phone.role
+        self.ended: asyncio.Future[str] = asyncio.get_running_loop().create_future()
+        """The reason, once its session has ended: nothing that it sends counts from then on."""
         self.joined = joined
         self.refused_ns = 0
         self.requests = set[asyncio.Task[None]]()
@@ -48,6 +58,11 @@ class PageSession:
         self._wake = asyncio.Event()
         self._credit = float(BURST)
         self._counted_ns = clock.now_ns()
+
+    @property
+    def name(self) -> str:
+        """Its name for people."""
+        return f"Page {self.number}" if self.phone is None else self.phone.name
 
     def show(self, parts: Mapping[str, bytes]) -> None:
         """Send these soon; newer ones of the same kind replace them."""

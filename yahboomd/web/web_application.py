@@ -1,4 +1,4 @@
-"""HTTP: the page's files, the exchange of a token for a cookie, the emergency stop, the WebSocket.
+"""HTTP: the page's files, the sessions, the emergency stop, the WebSocket.
 
 Every request passes :class:`OriginGuard` first: Host, Origin, and the headers of every answer.
 """
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 import msgspec
 from starlette.applications import Starlette
 from starlette.datastructures import Headers, MutableHeaders
-from starlette.requests import ClientDisconnect, HTTPConnection, Request
+from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket
@@ -19,23 +19,16 @@ from starlette.websockets import WebSocket
 from yahboomd.core.clock import Clock
 from yahboomd.core.messages.status_fields import FIELDS, StatusField
 from yahboomd.web.camera_viewers import CameraViewers
-from yahboomd.web.entry_tokens import Tokens
 from yahboomd.web.page_downloads import Downloads
 from yahboomd.web.page_files import PageFile
-from yahboomd.web.page_frames import MAX_BYTES, Role
 from yahboomd.web.page_hub import PageHub
-from yahboomd.web.rate_limit import RateLimit
 from yahboomd.web.request_origin import RequestOrigin
+from yahboomd.web.session_routes import SessionRoutes, json_answer
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
-
-COOKIE_S = 400 * 24 * 3600
-
-BODY_S = 5.0
-"""Time for the body of a request to arrive."""
 
 HEADERS: Final = {
     "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
@@ -50,21 +43,12 @@ HEADERS: Final = {
 }
 """The headers of every answer."""
 
-NO_SESSION = "Open the link, or scan the code, that the terminal on the robot shows."
-
-
-class Login(msgspec.Struct, frozen=True):
-    """The body of ``POST /session``."""
-
-    token: str
-
 
 class WebApplication:
     """The application of one robot.
 
     Args:
         origin: Recognises requests of our own page.
-        tokens: The tokens that give access; None if everybody who reaches it may drive.
         secure: Whether cookies may only travel over TLS.
         port: The port that it is served on; the cookies of each port have names of their own.
     """
@@ -74,7 +58,6 @@ class WebApplication:
         hub: PageHub,
         files: Mapping[str, PageFile],
         origin: RequestOrigin,
-        tokens: Tokens | None,
         clock: Clock,
         *,
         secure: bool,
@@ -82,29 +65,20 @@ class WebApplication:
     ) -> None:
         self._hub = hub
         self._files = files
-        self._tokens = tokens
-        self._secure = secure
-        self._cookie = f"yahboomd-{port}"
-        self._logins = RateLimit(clock, burst=10, every_s=6.0)
+        self._access = access = SessionRoutes(hub, clock, secure=secure, port=port)
         routes = [
             Route("/", self._file, methods=["GET"]),
             Route("/page/{name:path}", self._file, methods=["GET"]),
             Route("/counters", self._counters, methods=["GET"]),
-            Route("/session", self._session, methods=["GET"]),
-            Route("/session", self._enter, methods=["POST"]),
+            *access.routes,
             Route("/estop", self._estop, methods=["POST"]),
-            *Downloads(hub.tools, self._role).routes,
+            *Downloads(hub.tools, access.role).routes,
             WebSocketRoute("/ws", self._page),
         ]
         if hub.camera is not None:
             self._viewers = CameraViewers(hub.camera, clock)
             routes.append(WebSocketRoute("/camera", self._camera))
         self.asgi: ASGIApp = OriginGuard(Starlette(routes=routes), origin)
-
-    def _role(self, connection: HTTPConnection) -> Role | None:
-        if self._tokens is None:
-            return "driver"
-        return self._tokens.role_of_cookie(connection.cookies.get(self._cookie, ""))
 
     async def _file(self, request: Request) -> Response:
         file = self._files.get(request.path_params.get("name", "index.html"))
@@ -126,64 +100,29 @@ class WebApplication:
             groups.setdefault(field.group, {})[field.name] = field
         return Response(msgspec.json.encode(groups), media_type="application/json")
 
-    async def _session(self, request: Request) -> Response:
-        role = self._role(request)
-        if role is None:
-            return _json(401, text=NO_SESSION)
-        return _json(200, role=role, robot=self._hub.robot.name)
-
-    async def _enter(self, request: Request) -> Response:
-        address = request.client.host if request.client else ""
-        if wait_s := self._logins.wait_s(address):
-            answer = _json(429, text=f"Too many wrong tokens. Wait {wait_s} s, then try again.")
-            answer.headers["retry-after"] = str(wait_s)
-            return answer
-        body = await _body(request)
-        if body is None:
-            return _json(413, text=f"At most {MAX_BYTES} bytes.")
-        try:
-            token = msgspec.json.decode(body, type=Login).token
-        except (ValueError, RecursionError):
-            return _json(400, text='This is not {"token": "..."}.')
-        role = "driver" if self._tokens is None else self._tokens.role(token)
-        if role is None:
-            self._logins.failed(address)
-            return _json(403, text=f"This link is no longer valid. {NO_SESSION}")
-        answer = Response(status_code=204, headers={"cache-control": "no-store"})
-        if self._tokens is not None:
-            answer.set_cookie(
-                self._cookie,
-                self._tokens.cookie(role),
-                max_age=COOKIE_S,
-                secure=self._secure,
-                httponly=True,
-                samesite="strict",
-            )
-        return answer
-
     async def _estop(self, request: Request) -> Response:
-        if self._role(request) is None:
-            return _json(401, engaged=False, text=NO_SESSION)
+        if self._access.role(request) is None:
+            return self._access.refusal(request, engaged=False)
         answer = await asyncio.shield(self._hub.robot.engage())
         if answer.success:
-            return _json(200, engaged=True, text=answer.message)
+            return json_answer(200, engaged=True, text=answer.message)
         text = f"{answer.message} Switch the motors' supply off."
-        return _json(503, engaged=False, text=text)
+        return json_answer(503, engaged=False, text=text)
 
     async def _page(self, socket: WebSocket) -> None:
-        role = self._role(socket)
-        if role is None:
-            await socket.send_denial_response(_json(401, text=NO_SESSION))
+        phone = self._access.phone(socket)
+        if not self._hub.lets_in(phone):
+            await socket.send_denial_response(self._access.refusal(socket))
             return
         await socket.accept()
-        await self._hub.attend(socket, role)
+        await self._hub.attend(socket, phone)
 
     async def _camera(self, socket: WebSocket) -> None:
-        if self._role(socket) is None:
-            await socket.send_denial_response(_json(401, text=NO_SESSION))
+        if self._access.role(socket) is None:
+            await socket.send_denial_response(self._access.refusal(socket))
             return
         await socket.accept()
-        await self._viewers.attend(socket, lambda: self._role(socket))
+        await self._viewers.attend(socket, lambda: self._access.role(socket))
 
 
 class OriginGuard:
@@ -219,26 +158,3 @@ class OriginGuard:
         ):
             return PlainTextResponse("Refused: this is not from the robot's own page.\n", 403)
         return None
-
-
-def _json(status: int, **fields: object) -> Response:
-    return Response(
-        msgspec.json.encode(fields),
-        status,
-        media_type="application/json",
-        headers={"cache-control": "no-store"},
-    )
-
-
-async def _body(request: Request) -> bytes | None:
-    """The body; None if it is too large or too slow."""
-    body = b""
-    try:
-        async with asyncio.timeout(BODY_S):
-            async for chunk in request.stream():
-                body += chunk
-                if len(body) > MAX_BYTES:
-                    return None
-    except (TimeoutError, ClientDisconnect):
-        return None
-    return body

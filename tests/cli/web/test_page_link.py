@@ -3,24 +3,33 @@
 from __future__ import annotations
 
 import ipaddress
+import os
+import re
+import time
 from pathlib import Path
 
+import msgspec
 import pytest
 import segno
 
+from yahboomd.core.clock import SystemClock
 from yahboomd.core.errors import ConfigError
 from yahboomd.tools.metrics.http_listener import Place
-from yahboomd.web.entry_tokens import Tokens
+from yahboomd.web.entry_tokens import keep, make_entry
 from yahboomd.web.page_link import (
     SERVED,
     announce,
+    end_sessions,
     last_served,
     link,
     own_addresses,
     own_names,
+    print_links,
+    print_sessions,
     qr_lines,
     reachable_hosts,
 )
+from yahboomd.web.session_files import PREFIX, StoredSession
 
 
 def test_the_token_is_in_the_fragment() -> None:
@@ -60,7 +69,7 @@ def test_a_link_fits_a_terminal_as_a_qr_code_of_white_and_black() -> None:
 @pytest.mark.parametrize("tls", [True, False])
 def test_where_the_page_was_served_last_is_remembered(tmp_path: Path, *, tls: bool) -> None:
     place = Place(host="192.0.2.5", port=8480)
-    announce(place, Tokens(driver="d" * 22, viewer="v" * 22), tmp_path, tls=tls)
+    announce(tmp_path, place, SystemClock(), tls=tls)
     assert last_served(tmp_path) == (place, tls)
 
 
@@ -85,3 +94,47 @@ def test_a_damaged_memory_of_that_is_named(tmp_path: Path, content: bytes | None
         f"The page's last address is not known: {why.format(path=path)}"
     )
     assert "add --listen" in refused.value.remedy
+
+
+def test_links_are_for_one_phone_each_and_new_with_each_call(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for _ in range(2):
+        print_links(tmp_path, Place(host="192.0.2.5", port=8480), SystemClock(), tls=False)
+    shown = capsys.readouterr().out
+    assert len(set(re.findall(r"http://192\.0\.2\.5:8480/#token=([\w-]{22})", shown))) == 4
+    assert shown.count("Each lets one phone in, once, within 15 minutes.") == 2
+
+
+def store(folder: Path, number: str, name: str, idle_s: float) -> None:
+    stored = StoredSession(role="viewer", name=name, key="0" * 64, made_s=0)
+    keep(folder, f"{PREFIX}{number}", msgspec.json.encode(stored))
+    used_s = time.time() - idle_s
+    os.utime(folder / f"{PREFIX}{number}", (used_s, used_s))
+
+
+def test_sessions_are_listed_with_their_last_use_and_command_no_terminal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    print_sessions(tmp_path, SystemClock())
+    assert "No phone has a session" in capsys.readouterr().out
+    store(tmp_path, "3f9a2c", "Anne's phone", -1000)
+    store(tmp_path, "b00b1e", "\x1b[31mBert", 3 * 86400 + 60)
+    print_sessions(tmp_path, SystemClock())
+    head, *rows, last = capsys.readouterr().out.splitlines()
+    assert head.split() == ["number", "may", "last", "used", "name"]
+    assert rows[0].split(maxsplit=3) == ["3f9a2c", "watch", "now", "Anne's phone"]
+    assert rows[1].split(maxsplit=5) == ["b00b1e", "watch", "3", "days", "ago", "[31mBert"]
+    assert "--end-session NUMBER" in last
+
+
+def test_one_session_is_ended_by_its_number_or_all_with_every_link(tmp_path: Path) -> None:
+    store(tmp_path, "3f9a2c", "Anne", 0)
+    store(tmp_path, "b00b1e", "Bert", 0)
+    make_entry(tmp_path, "driver", SystemClock())
+    assert end_sessions(tmp_path, "3f9a2c").startswith("Session 3f9a2c is ended")
+    for wrong in ("3f9a2c", "", "Bert", "../x"):
+        with pytest.raises(ConfigError, match=r"There is no session .*--sessions"):
+            end_sessions(tmp_path, wrong)
+    assert end_sessions(tmp_path, "all") == "1 sessions are ended, and 1 unused links are void."
+    assert list(tmp_path.iterdir()) == []

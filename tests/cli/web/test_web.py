@@ -66,7 +66,9 @@ def test_too_few_descriptors_are_refused_before_zenoh_panics() -> None:
     assert web.stderr.count("\n") == 1
 
 
-def test_beyond_loopback_tokens_are_kept_and_never_printed_into_a_log(tmp_path: Path) -> None:
+def test_beyond_loopback_links_are_made_by_a_command_and_never_printed_into_a_log(
+    tmp_path: Path,
+) -> None:
     environ = {"STATE_DIRECTORY": str(tmp_path)}
     web = Process(*("web", "--listen", "0.0.0.0:0", "--connect", free_endpoint()), environ=environ)
     try:
@@ -74,14 +76,32 @@ def test_beyond_loopback_tokens_are_kept_and_never_printed_into_a_log(tmp_path: 
         web.says("Without TLS everybody")
     finally:
         assert web.end(signal.SIGINT) == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["web-served.json"]
     link = Process("web", "--show-link", environ=environ)
     assert link.end_by_itself() == 0
     tokens = re.findall(r"#token=([\w-]{22})", link.output)
     assert len(set(tokens)) == 2
     assert not any(token in web.output for token in tokens)
-    renewed = Process("web", "--new-tokens", environ=environ)
-    assert renewed.end_by_itself() == 0
-    assert not set(tokens) & set(re.findall(r"#token=([\w-]{22})", renewed.output))
+
+
+def test_a_folder_that_others_may_write_to_is_refused(tmp_path: Path) -> None:
+    tmp_path.chmod(0o777)
+    environ = {"STATE_DIRECTORY": str(tmp_path)}
+    web = Process(*("web", "--listen", "0.0.0.0:0", "--connect", free_endpoint()), environ=environ)
+    assert web.end_by_itself() == 78
+    assert "Other users may write to" in web.output
+
+
+def test_sessions_are_listed_and_ended_by_commands(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
+    assert main(["web", "--sessions"]) == 0
+    assert "No phone has a session" in capsys.readouterr().out
+    status, words = failed(capsys, "--end-session", "3f9a2c")
+    assert (status, "There is no session 3f9a2c" in words) == (78, True)
+    assert main(["web", "--end-session", "all"]) == 0
+    assert "0 sessions are ended" in capsys.readouterr().out
 
 
 def failed(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str]:

@@ -13,8 +13,8 @@ export function showDoor() {
       el(
         "ol",
         {},
-        el("li", {}, "On the robot's computer, have the links shown: ", el("code", {}, "yahboomd web --show-link"), ", with ", el("code", {}, "sudo"), " for the service."),
-        el("li", {}, "Scan the code with this phone's camera, or open the link."),
+        el("li", {}, "On the robot's computer, have a link made: ", el("code", {}, "yahboomd web --show-link"), ", with ", el("code", {}, "sudo"), " for the service."),
+        el("li", {}, "Scan its code with this phone's camera, or open the link. It lets one phone in, once, within 15 minutes."),
       ),
       el("p", {}, "Until then this page cannot stop the robot either: use its own switch."),
     ),

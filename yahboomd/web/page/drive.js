@@ -165,7 +165,7 @@ function create(app) {
     if (deadman.held) deadman.letGo((message.why === "late" && obstacle(connection, live)) || message.text);
     else show();
   });
-  live.on("control", ({ mine: isMine }) => isMine || deadman.letGo("Another page took control."));
+  live.on("control", ({ mine: isMine, name }) => isMine || deadman.letGo(`${name || "Another page"} took control.`));
   live.on("link", ({ open }) => open || deadman.letGo("The connection to the robot was lost."));
   for (const type of ["hello", "control", "daemon", "status", "link", "delay"]) live.on(type, show);
   live.on("twist", ({ sample }) => {

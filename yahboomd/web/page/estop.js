@@ -55,7 +55,7 @@ export class Estop {
   }
 
   #try() {
-    if (!this.#wanted) return;
+    if (!this.#wanted || document.body.classList.contains("shut")) return;
     this.#attempts += 1;
     this.#show();
     this.#post();
@@ -68,6 +68,7 @@ export class Estop {
       const signal = AbortSignal.timeout(GIVE_UP_MS);
       const answer = await fetch("/estop", { method: "POST", keepalive: true, signal });
       const body = await answer.json();
+      if (answer.status === 401) this.connection.checkSession();
       if (answer.ok && body.engaged) this.#acknowledged();
       else if (this.#wanted) this.#answer = body.text ?? "";
     } catch {

@@ -69,7 +69,7 @@ export function plain(why, role) {
 function who(live) {
   const control = live.newest("control");
   if (!control) return "";
-  const page = control.mine ? "This page" : control.page_driver === null ? "No page" : "Another page";
+  const page = control.mine ? "This page" : control.page_driver === null ? "No page" : control.name;
   const driver = live.sample("status")?.driver;
   if (!driver) return `${page} has control.`;
   if (driver === MOVES) return `${page} has control; a move drives.`;

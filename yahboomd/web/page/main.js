@@ -15,14 +15,16 @@ const app = { live, connection, onStop: new Set() }; // Every control that a thu
 const session = openSession(); // It takes the token out of the address before the views read it.
 app.estop = new Estop(connection, live, () => app.onStop.forEach((letGo) => letGo()));
 watchHeader(connection, live);
-new Views(app);
+const views = new Views(app);
+live.on("problem", () => {
+  views.close();
+  showDoor();
+});
 
 try {
   const { problem } = await session;
-  if (problem) {
-    live.emit("problem", { text: problem });
-    showDoor();
-  } else connection.connect();
+  if (problem) live.emit("problem", { text: problem });
+  else connection.connect();
 } catch {
   connection.connect(); // It reports that there is no connection, and tries again.
 }

@@ -26,7 +26,7 @@ export function obstacle(connection, live) {
   if (hello.barred) return hello.barred;
   if (status?.state === "waiting") return "The robot waits. Why, and what to do, stands above.";
   const control = live.newest("control");
-  return control?.mine || control?.page_driver === null ? "" : "Another page has control of the robot.";
+  return control?.mine || control?.page_driver === null ? "" : `${control?.name ?? "Another page"} has control of the robot.`;
 }
 
 /** The newest round-trip delay, in ms; 0 if none is known. */

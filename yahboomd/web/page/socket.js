@@ -1,9 +1,12 @@
 // The connection to the server: beats, messages, requests, and reconnecting for ever.
 
+import { sessionProblem } from "./session.js";
+
 const SILENT_MS = 2000; // The server sends a beat every 50 ms: without one for this time, reconnect.
 const BACKLOG_BYTES = 2000; // Commands are dropped while the network is congested: old ones are useless.
 const ANSWER_MS = 5000;
 const TOOL_MS = 30_000; // Some tools start a command on the server.
+const SESSION_ENDED = 4401; // The code with which the server closes a page whose session has ended.
 
 export class Connection {
   #socket = null;
@@ -13,6 +16,7 @@ export class Connection {
   #retry = 0;
   #requests = new Map();
   #nextId = 1;
+  #isShut = false;
 
   /** @param live Receives each message under its type, and "link" when the connection changes. */
   constructor(live) {
@@ -42,6 +46,7 @@ export class Connection {
 
   connect() {
     clearTimeout(this.#retry);
+    if (this.#isShut) return;
     this.#retry = 0;
     this.#attempts += 1;
     const socket = new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/ws`);
@@ -148,7 +153,20 @@ export class Connection {
     else if (this.isOpen && this.#beat !== null) this.#send({ type: "seen", beat: this.#beat });
   }
 
-  #lost(reason) {
+  /** Ask whether this page still has a session; without one it shows how to get in, and nothing else. */
+  async checkSession(reason = "") {
+    const problem = await sessionProblem();
+    if (!problem || this.#isShut) return;
+    this.#isShut = true;
+    clearTimeout(this.#retry);
+    this.#leave();
+    this.live.emit("problem", { text: reason || problem });
+  }
+
+  #lost(reason, code) {
+    // Of a connection that the server refused the browser tells no reason.
+    if (code === SESSION_ENDED) this.checkSession(reason);
+    else if (this.#beat === null) this.checkSession();
     this.#drop();
     for (const give of [...this.#requests.values()]) give({ ok: false, text: "The connection was lost." });
     this.live.emit("link", { open: false, reason });

@@ -14,6 +14,7 @@ const VIEWS = [
   { id: "calibrate", title: "Calibrate", load: () => import("./calibrate.js").then((module) => module.create) },
   { id: "record", title: "Record", load: () => import("./record.js").then((module) => module.create) },
   { id: "boxes", title: "Black boxes", load: () => import("./boxes.js").then((module) => module.create) },
+  { id: "phones", title: "Phones", load: () => import("./phones.js").then((module) => module.create) },
 ];
 // As in style.css. On a wide screen the drive view stays beside all others, on a phone on its side beside those that show the robot.
 const WIDE = matchMedia("(min-width: 1000px) and (min-height: 501px)");
@@ -24,6 +25,7 @@ export class Views {
   #made = new Map();
   #shown = new Set();
   #hasCamera = false;
+  #isClosed = false;
 
   constructor(app) {
     this.app = app;
@@ -61,6 +63,7 @@ export class Views {
       if (current) link.scrollIntoView({ block: "nearest", inline: "center" });
     }
     for (const view of wanted) if (!this.#made.has(view.id)) this.#add(view, await view.load());
+    if (this.#isClosed) return;
     for (const [id, made] of this.#made) {
       const show = wanted.some((view) => view.id === id);
       made.element.hidden = !show;
@@ -75,8 +78,15 @@ export class Views {
     }
   }
 
+  /** Hide all: this page has no session. */
+  close() {
+    this.#isClosed = true;
+    for (const id of this.#shown) this.#made.get(id).hide();
+    this.#shown.clear();
+  }
+
   #add(view, create) {
-    if (this.#made.has(view.id)) return; // Opened twice while it was loaded.
+    if (this.#isClosed || this.#made.has(view.id)) return; // Opened twice while it was loaded.
     const made = create(this.app);
     made.element.id = view.id;
     made.element.setAttribute("aria-label", view.title);
