@@ -1,4 +1,4 @@
-"""Two phones with sessions of their own: names, taking over, ending a session, links that work once."""
+"""Two phones with sessions of their own: names, control, an ended session, links that work once."""
 
 from __future__ import annotations
 

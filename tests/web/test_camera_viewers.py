@@ -10,7 +10,7 @@ from typing import Any, Self, cast
 import pytest
 from camera_upstream import CameraInMemory, CameraOnSocket, jpeg, part
 from starlette.websockets import WebSocketDisconnect
-from web_site import TOKENS, Site
+from web_site import Site
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import InvalidStatus
 from zenoh_fixtures import PATIENCE_S, eventually, free_endpoint
@@ -243,7 +243,7 @@ class Look:
 @pytest.mark.realtime
 async def test_a_viewer_may_look_and_without_a_session_nobody_does(site: Start) -> None:
     async with CameraOnSocket() as camera:
-        served = await site(endpoint=free_endpoint(), tokens=TOKENS, camera=camera.address)
+        served = await site(endpoint=free_endpoint(), phones=True, camera=camera.address)
         for options in ({}, {"additional_headers": {"Cookie": f"yahboomd-{served.port}=x"}}):
             with pytest.raises(InvalidStatus, match="401"):
                 await Look(served, **options).__aenter__()
@@ -280,7 +280,7 @@ async def test_a_page_that_reads_no_picture_delays_neither_others_nor_the_estop(
 ) -> None:
     large = jpeg(bytes(900_000))
     async with CameraOnSocket() as camera:
-        served = await site(await fake_daemon(), tokens=TOKENS, camera=camera.address)
+        served = await site(await fake_daemon(), phones=True, camera=camera.address)
         stuck = await Look(served, "viewer", max_queue=1).__aenter__()
         stuck.socket.transport.pause_reading()
         await eventually(lambda: camera.writers)
