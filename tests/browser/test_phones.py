@@ -42,7 +42,6 @@ def test_two_phones_see_who_has_control_and_one_ends_the_session_of_the_other_in
         bert.says(".words", "Anne has control of the robot.")
         bench.stops_after(lambda: bert.click(".take"))
         anne.says(".words", "Bert has control of the robot.")
-        anne.says(".words", "Bert took control.")
         anne.lift()
         anne.click(".take")
         bert.says("#driver", "Anne has control")
@@ -60,7 +59,7 @@ def test_two_phones_see_who_has_control_and_one_ends_the_session_of_the_other_in
         anne.go(link)
         anne.says("#why", "This link was used already: it lets one phone in, once.")
         assert anne.evaluate(CONTROLS) == 0
-        bert.says("#phones", "links that were used before: 1")
+        bert.says("#phones", "links that were used before")
         # A new link in the same tab, without a reload by hand.
         fresh, _ = bench.links()
         anne.evaluate(f"location.href = '{fresh}'")
