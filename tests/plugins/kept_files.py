@@ -14,6 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import msgspec
 from cut_disk import MARK
 from made_boxes import saved_box
 from made_calibrations import calibration
@@ -28,7 +29,9 @@ from yahboomd.tools.record.cut_files import Cut, parts, read_from_front
 from yahboomd.tools.record.mcap_files import METADATA, ROS, Channel, McapFiles
 from yahboomd.tools.setup.robot_file import write_robot
 from yahboomd.tools.tune.saved import SavedSettings, finish, read_saved, remove, save
-from yahboomd.web.entry_tokens import make_tokens, read_tokens
+from yahboomd.web.entry_tokens import keep
+from yahboomd.web.session_files import PREFIX as SESSION
+from yahboomd.web.session_files import StoredSession, end_stored, replace, stored_sessions
 
 ROBOT = '[serial]\nport = "/dev/ttyUSB{}"\n'
 SETTINGS = SavedSettings(made="then", port="", dialect="streamed", settings={"deadzone": 1600})
@@ -70,9 +73,16 @@ def _text(name: str) -> Callable[[Path], Any]:
     return read
 
 
-def _tokens(folder: Path) -> Any:
-    tokens = read_tokens(folder)
-    return tokens and [tokens.driver, tokens.viewer]
+def _session(name: str) -> StoredSession:
+    return StoredSession(role="driver", name=name, key="0" * 64, made_s=0)
+
+
+def _let_in(folder: Path) -> None:
+    keep(folder, f"{SESSION}3f9a2c", msgspec.json.encode(_session("Android phone")))
+
+
+def _sessions(folder: Path) -> list[str]:
+    return [stored.name for _, stored, _ in stored_sessions(folder)]
 
 
 def _tuned(folder: Path) -> Any:
@@ -156,7 +166,14 @@ KEPT = {
         ),
         _tuned,
     ),
-    "the tokens of the page": Kept((make_tokens, make_tokens, make_tokens), _tokens),
+    "the session of a phone": Kept(
+        (
+            _let_in,
+            lambda folder: replace(folder, "3f9a2c", _session("Anne")),
+            lambda folder: end_stored(folder, "3f9a2c"),
+        ),
+        _sessions,
+    ),
     "black boxes": Kept(
         tuple(lambda folder, n=n: _save_box(folder, n) for n in (5, 20, 50)),
         _boxes,

@@ -6,6 +6,7 @@ The name has the session's number, and the time of the file is its last use.
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -47,10 +48,11 @@ def end_stored(folder: Path, number: str) -> bool:
         OSError: It cannot be removed.
     """
     try:
-        (folder / f"{PREFIX}{number}").unlink()
+        with _alone(folder):
+            (folder / f"{PREFIX}{number}").unlink()
+            sync_folder(folder)
     except FileNotFoundError:
         return False
-    sync_folder(folder)
     return True
 
 
@@ -92,17 +94,23 @@ def claim(folder: Path, token: str, number: str, stored: StoredSession, wall_ns:
 
 
 def replace(folder: Path, number: str, stored: StoredSession) -> None:
-    """Write a session anew, unless a terminal ended it: its file is taken away first.
+    """Write a session anew, unless a terminal ended it.
 
     Raises:
         OSError: It was ended, or cannot be stored and stays as it is.
     """
-    path, aside = folder / f"{PREFIX}{number}", folder / f".{PREFIX}{number}"
-    path.rename(aside)
-    try:
+    path = folder / f"{PREFIX}{number}"
+    with _alone(folder):
+        path.stat()
         keep(folder, path.name, msgspec.json.encode(stored))
-    except OSError:
-        aside.rename(path)
-        raise
-    with contextlib.suppress(OSError):
-        aside.unlink()
+
+
+@contextlib.contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """No other process ends or replaces a session: one that was ended must not come back."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
