@@ -1,7 +1,7 @@
 """A node of zenoh-ros2-sdk, which speaks rmw_zenoh's protocol without ROS 2, driven by JSON lines.
 
-`sdk_node.py ENDPOINT DOMAIN NAME`: hears `/chatter` and `/odom` and prints each message as a JSON
-line. It ends with its standard input:
+`sdk_node.py ENDPOINT DOMAIN NAME`: hears `/chatter`, `/odom` and `/cmd_vel`, and prints each
+message as a JSON line. It ends with its standard input:
 
     {"do":"talk","text":"hello"}                a std_msgs/String on /chatter
     {"do":"drive","vx":0.1,"hz":20}             geometry_msgs/Twist on /cmd_vel
@@ -64,6 +64,7 @@ class Node:
             for topic, ros_type, read in (
                 ("/chatter", "std_msgs/msg/String", lambda m: m.data),
                 ("/odom", "nav_msgs/msg/Odometry", lambda m: m.twist.twist.linear.x),
+                ("/cmd_vel", "geometry_msgs/msg/Twist", lambda m: m.linear.x),
             )
         ]
 

@@ -3,6 +3,7 @@
 import math
 
 import pytest
+from ros_peers import HERE, built, start_peer
 from zenoh_fixtures import free_endpoint
 
 from yahboomd.ros2.messages import ros2_names
@@ -222,13 +223,23 @@ def test_a_native_node_drives_without_a_bridge_and_sees_it(
         assert numbers == list(range(numbers[0], numbers[-1] + 1)), "every sample arrives"
 
 
-def test_native_nodes_need_no_router(start_native_node, robot):
+def test_native_nodes_need_no_router(start_native_node, robot, tmp_path, request):
+    """They also hear each other, a program of others among them."""
     driven = robot(free_endpoint(), "ros2.bridge=false", "ros2.rmw_zenoh=true")
+    command = [str(built("sdk")), str(HERE / "sdk_node.py"), driven.endpoint, "0", "listener"]
+    listener = start_peer(command, tmp_path / "listener.log")
+    request.addfinalizer(listener.close)
     node, onlooker = (start_native_node(driven.endpoint) for _ in range(2))
     sees_the_robot_move(node, driven)
+    listener.await_event(lambda e: e.get("topic") == "/cmd_vel", "the other's commands")
+    listener.await_event(lambda e: e.get("topic") == "/odom", "the odometry")
     is_stopped_and_released(node)
     assert laser_of(onlooker) == "laser"
-    assert {each["name"] for each in onlooker.graph()["nodes"]} >= {"yahboomd", "native_peer"}
+    assert {each["name"] for each in onlooker.graph()["nodes"]} >= {
+        "yahboomd",
+        "native_peer",
+        "listener",
+    }
 
 
 def test_the_node_shows_in_a_native_graph_with_all_that_it_has(

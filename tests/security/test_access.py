@@ -278,6 +278,45 @@ def test_a_viewer_drives_by_no_key_of_ros_either(
     wait_for(lambda: operator.session.put("cmd_vel", twist) or robot.travelled_m() > 0, "motion")
 
 
+def test_others_drive_through_a_node_that_listens_and_reach_none_that_is_a_client(
+    guarded: Callable[..., RealRobot],
+    example: Callable[..., str],
+    authority: Any,
+) -> None:
+    """A program without papers, beside nodes of rmw_zenoh that have an operator's."""
+    robot = guarded(mutual(example, authority), "tls", natively=True)
+    twist = struct.pack("<4s6d", cdr.HEADER_LE, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+    def opened(mode: str, at: str, listen: str = "", **papers: Any) -> zenoh.Session:
+        config = zenoh.Config()
+        for key, value in {
+            "mode": mode,
+            "connect/endpoints": [at],
+            "listen/endpoints": [listen] if listen else [],
+            "scouting/multicast/enabled": False,
+            "open/return_conditions/connect_scouted": False,
+            **papers,
+        }.items():
+            config.insert_json5(key, json.dumps(value))
+        return zenoh.open(config)
+
+    papers = authority.shown_by("operator")
+    safe, unsafe = free_endpoint(), free_endpoint()
+    with opened("client", robot.endpoint, safe, **papers) as node:
+        with pytest.raises(zenoh.ZError):
+            opened("client", safe)
+        with pytest.raises(zenoh.ZError):
+            opened("client", robot.endpoint)
+        assert robot.travelled_m() == 0.0
+        wait_for(lambda: node.put("cmd_vel", twist) or robot.travelled_m() > 0, "the node drives")
+    driven_m = sum(robot.settled_truth().travel_m)
+    with opened("peer", robot.endpoint, unsafe, **papers), opened("client", unsafe) as stranger:
+        wait_for(
+            lambda: stranger.put("cmd_vel", twist) or robot.travelled_m() > driven_m + 0.3,
+            "a stranger to drive through it",
+        )
+
+
 def test_a_viewer_who_floods_the_estop_costs_the_operator_none_of_his_stops(
     house: tuple[RealRobot, Callable[[str], dict[str, Any]]], app: Callable[..., Any]
 ) -> None:
