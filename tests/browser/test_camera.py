@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import pytest
 from chromium import Chromium, Page
 from page_bench import PageBench
+from page_checks import axe, enlarge, spills, violations
 from real_robot import wait_for
 from ustreamer_camera import UStreamer
 
@@ -49,13 +50,14 @@ def robot(
 
 
 @pytest.fixture
-def looking(robot: PageBench) -> Iterator[Page]:
+def looking(robot: PageBench, camera: UStreamer) -> Iterator[Page]:
     """A phone that sees the picture."""
     robot.recover()
     with robot.page() as page:
         robot.ready(page)
         page.until(LIVE)
         yield page
+    camera.thaw()
     robot.recover()
 
 
@@ -93,6 +95,27 @@ def test_the_picture_is_live_in_every_layout_and_covers_no_control(
             )
             assert page.evaluate(found)
         assert page.problems() == []
+
+
+@pytest.mark.parametrize("size", [(360, 740), (844, 390)], ids=["upright", "on-its-side"])
+def test_the_picture_has_no_barrier_that_axe_finds_live_or_not_also_at_twice_the_text(
+    robot: PageBench, looking: Page, camera: UStreamer, size: tuple[int, int]
+) -> None:
+    looking.evaluate(axe() + "; 0")
+    looking.resize(*size, phone=True)
+    looking.until(LIVE)
+    for stands in (False, True):
+        if stands:
+            camera.freeze()
+            looking.until(MARKED)
+        for view in ("drive", "camera"):
+            looking.evaluate(f"location.hash = '#{view}'")
+            looking.until("document.querySelector('.camera').checkVisibility()")
+            for percent in (100, 200):
+                enlarge(looking, percent)
+                assert violations(looking) == []
+                assert spills(looking) == []
+    camera.thaw()
 
 
 def test_the_robot_is_driven_and_stopped_as_ever_while_it_is_seen(

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 from chromium import Page
 from page_bench import LONG, PageBench
+from page_checks import axe, enlarge, spills, violations
 from real_robot import Process, free_endpoint, wait_for
 
 pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser")]
@@ -21,40 +20,9 @@ WITH_PAD = ("map", "wheels", "health")
 """The views that stand beside the joystick on a phone on its side."""
 
 
-def axe() -> str:
-    """The program that checks accessibility; skips the test if it is missing."""
-    cache = os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")
-    folder = Path(os.environ.get("YAHBOOMD_CACHE", Path(cache) / "yahboomd"))
-    path = folder / "browser" / "axe" / "axe.min.js"
-    if not path.exists():
-        pytest.skip("axe-core is not there: make browser fetches it")
-    return path.read_text()
-
-
 def show(page: Page, view: str) -> None:
     page.evaluate(f"location.hash = '#{view}'")
     page.until(f"document.querySelector('#views [aria-current]').dataset.view === '{view}'")
-
-
-def violations(page: Page) -> list[str]:
-    """What axe-core finds wrong, each with the element."""
-    found = page.evaluate("axe.run(document, { resultTypes: ['violations'] })")
-    return [
-        f"{each['id']}: {node['target']} {node['failureSummary']}"
-        for each in found["violations"]
-        for node in each["nodes"]
-    ]
-
-
-def spills(page: Page) -> list[str]:
-    """The elements that are wider than the screen."""
-    found: list[str] = page.evaluate(
-        "[...document.querySelectorAll('body *')].filter((e) => e.checkVisibility()"
-        " && !e.closest('nav, .tools, .skip')"
-        " && e.getBoundingClientRect().right > innerWidth + 0.5)"
-        ".map((e) => e.tagName + '.' + e.className)"
-    )
-    return found
 
 
 @pytest.mark.parametrize(
@@ -98,11 +66,6 @@ def test_where_less_motion_is_preferred_the_page_moves_nothing_and_says_the_same
     assert page.text("#estop") == "Stopping\u2026"
     bench.network.held = False
     page.says("#estop-text", "acknowledged the emergency stop")
-
-
-def enlarge(page: Page, percent: int) -> None:
-    """The size of text that a person chose in the browser."""
-    page.evaluate(f"document.documentElement.style.fontSize = '{percent}%'")
 
 
 def box(page: Page, selector: str) -> list[float]:
