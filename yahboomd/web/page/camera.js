@@ -48,12 +48,8 @@ class Camera {
     this.ageText = el("p", { class: "camera-age" });
     this.words = el("p", { class: "camera-words", role: "status" });
     this.element = el("div", { class: "camera" }, this.canvas, this.veil, this.ageText, this.words);
-    // The mark comes by itself, also while this page's script stands still.
-    const timing = { delay: OLD_MS, duration: 1, fill: "both" };
-    this.marks = [
-      this.veil.animate([{ opacity: 0 }, { opacity: 1 }], timing),
-      this.canvas.animate([{ filter: "none" }, { filter: "grayscale(1) brightness(0.55)" }], timing),
-    ];
+    // The mark comes by itself, also while this page's script stands still: each picture sets it back.
+    this.mark = this.veil.animate([{ opacity: 0 }, { opacity: 1 }], { delay: OLD_MS, duration: 1, fill: "both" });
     this.#isOld();
     new IntersectionObserver(([...all]) => {
       this.#isSeen = all.at(-1).isIntersecting;
@@ -150,13 +146,13 @@ class Camera {
     this.#age = age;
     this.#shownAt = at;
     this.#problem = "";
-    for (const mark of this.marks) mark.currentTime = this.age;
+    this.mark.currentTime = this.age;
     this.#show();
   }
 
   #isOld() {
     this.#age = Infinity;
-    for (const mark of this.marks) mark.finish();
+    this.mark.finish();
   }
 
   #tick() {
