@@ -149,6 +149,10 @@ power-cuts: $(VENV)/.dev ## power is cut 1,000 times at any write of each file t
 every-board: $(VENV)/.dev ## every fault on the binary board of the tests too (five minutes)
 	YAHBOOMD_EVERY_BOARD=1 $(PYTEST) $(PARALLEL) -q -m "not realtime" -k binary tests/faults tests/whole tests/link $(ARGS)
 
+.PHONY: fleet-stop
+fleet-stop: $(VENV)/.dev ## `stop --all` of 50 robots over a tree of routers with 50 ms of delay, with faults (a minute; ARGS='--robots 50 --real 3 --delay-ms 50')
+	@$(PY) -m benchmarks.stop_fifty $(ARGS)
+
 .PHONY: wirings
 wirings: $(VENV)/.dev ## `setup` on all 384 ways to connect four motors, each with a drive afterwards (ten minutes)
 	YAHBOOMD_EVERY_WIRING=1 $(PYTEST) $(PARALLEL) -q tests/tools/setup/test_setup_wizard.py -k four_wheels

@@ -11,12 +11,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import daemon_samples
+import msgspec
 import zenoh
 from real_robot import free_endpoint, wait_for
 from zenoh.handlers import Callback
 
 from yahboomd.cli.main import main
 from yahboomd.core.bus.options import BusOptions, zenoh_config
+from yahboomd.core.messages.codecs import encode
 
 TOML = """
 fleet = "farm"
@@ -51,6 +54,10 @@ ROBOTS = {"bot1": "farm/north/bot1", "bot2": "farm/north/bot2", "bot3": "farm/so
 LATE = "farm/south/bot4"
 """A robot of the file that is not there."""
 
+TURNS = (
+    '{"success": true, "message": "Engaged.", '
+    '"data": {"sent": true, "stands": false, "fastest_m_s": 0.4}}'
+)
 STANDS = (
     '{"success": true, "message": "Engaged.", '
     '"data": {"sent": true, "stands": true, "fastest_m_s": 0.0}}'
@@ -70,6 +77,9 @@ class RecordingRobot:
         self.asked = 0
         self.answer = self.namespace
         """The answer to every query; empty: it keeps the query, and never answers."""
+        self.wheels: list[float] = []
+        """The speeds with which it answers a query for its wheels, one after the other."""
+        self.seq = 0
         self._kept: list[zenoh.Query] = []
         self._tokens: list[zenoh.LivelinessToken] = []
         toml = tomllib.loads(bench.file(f"robots/{name}", ".toml").read_text())["zenoh"]
@@ -96,6 +106,11 @@ class RecordingRobot:
         payload = query.payload
         self.heard.add((str(query.key_expr), "" if payload is None else payload.to_string()))
         own = f"{self.namespace}/yahboomd/estop"
+        if self.wheels and str(query.key_expr).endswith("/yahboomd/wheels"):
+            self.seq += 1
+            query.reply(str(query.key_expr), wheels(self.seq, self.wheels.pop(0)))
+            query.drop()
+            return
         self.asked += query.key_expr.intersects(zenoh.KeyExpr(own))
         if not self.answer:
             self._kept.append(query)
@@ -204,6 +219,11 @@ class FleetBench:
     def close(self) -> None:
         for session in reversed(self._sessions):
             session.close()
+
+
+def wheels(seq: int, speed_m_s: float) -> bytes:
+    found = msgspec.structs.replace(daemon_samples.wheels(), seq=seq, speed_m_s=(speed_m_s, 0.0))
+    return encode(found, "json")
 
 
 def heard_of(robot: RecordingRobot, word: str) -> set[str]:

@@ -64,13 +64,25 @@ def test_wheels_have_three_seconds_to_come_to_rest_and_are_reported_then(stop: F
     stop.answered(ONE, reply(stands=False, speed=0.4), 0.1)
     assert stop.turning(0.2) == [ONE]
     assert not stop.is_over(0.2)
-    stop.answered(ONE, reply(stands=False, speed=0.3), 0.6)
+    stop.measured(ONE, 7, (0.3, -0.2))
     assert stop.is_over(0.1 + STAND_WITHIN_S)
     assert not stop.all_stand
     assert stop.report()[1:] == [
-        f"{ONE}: stopped; its wheels still turned at 0.30 m/s when it answered last."
+        f"{ONE}: stopped; its wheels still turned at 0.30 m/s by its latest counts."
     ]
-    stop.answered(ONE, reply(), 3.2)
+
+
+def test_wheels_stand_after_two_readings_in_a_row(stop: FleetStop) -> None:
+    for robot in (TWO, THREE):
+        stop.answered(robot, reply(), 0.1)
+    # Before the acknowledgement readings prove nothing.
+    for seq in (1, 2, 3):
+        stop.measured(ONE, seq, (0.0, 0.0))
+    stop.answered(ONE, reply(stands=False, speed=0.4), 0.1)
+    for seq, speed in ((4, 0.0), (4, 0.0), (5, -0.2), (6, 0.01)):
+        stop.measured(ONE, seq, (0.0, speed))
+        assert stop.turning(0.2) == [ONE], seq
+    stop.measured(ONE, 7, (0.0, 0.0))
     assert stop.all_stand
     # The time is that of its first acknowledgement.
     assert stop.report() == ["3 of 3 robots acknowledged, the last after 0.10 s; 3 stand."]

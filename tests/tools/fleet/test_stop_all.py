@@ -12,7 +12,7 @@ from zenoh.handlers import Callback
 
 pytest.importorskip("cryptography")
 
-from fleet_bench import LATE, ROBOTS, STANDS, FleetBench, RecordingRobot
+from fleet_bench import LATE, ROBOTS, STANDS, TURNS, FleetBench, RecordingRobot
 from zenoh_fixtures import eventually
 
 from yahboomd.cli.main import main
@@ -118,6 +118,20 @@ async def test_a_robot_that_thaws_or_could_not_send_it_at_first_acknowledges_in_
         frozen.answer = deaf.answer = STANDS
         await task
     assert progress.all_stand
+
+
+async def test_wheels_that_turn_are_looked_at_until_they_stand(
+    fleet: FleetBench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # A busy machine may ask late.
+    monkeypatch.setattr("yahboomd.tools.fleet.fleet_stop.STAND_WITHIN_S", 60.0)
+    robot = fleet.robots["bot3"]
+    robot.answer, robot.wheels = TURNS, [0.2, 0.1, 0.0, 0.0, 0.0, 0.0]
+    async with stopping(fleet, HERE) as (progress, task):
+        await task
+    assert progress.all_stand
+    assert progress.robots[THREE].fastest_m_s == 0.0
+    robot.wheels = []
 
 
 async def test_a_robot_that_appears_later_is_stopped_too(fleet: FleetBench) -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import msgspec
 
 from yahboomd.core.messages.native import ServiceReply
+from yahboomd.core.model import STANDING_M_S
 from yahboomd.core.program import plain
 
 STAND_WITHIN_S = 3.0
@@ -22,7 +23,8 @@ class RobotStop(msgspec.Struct, kw_only=True):
     Attributes:
         acknowledged_s: When it acknowledged that the stop was sent to its board; None if not yet.
         stands: Whether its counts show standing wheels; None if they show nothing.
-        fastest_m_s: Its fastest wheel at its latest answer.
+        fastest_m_s: Its fastest wheel by its latest counts.
+        slow: The number of the latest counts that showed standing wheels.
         refusal: Its reason if it answered and could not send the stop.
         present: Whether its daemon is there, by its token.
         left: Whether its daemon was there, and is not any more.
@@ -31,6 +33,7 @@ class RobotStop(msgspec.Struct, kw_only=True):
     acknowledged_s: float | None = None
     stands: bool | None = None
     fastest_m_s: float | None = None
+    slow: int | None = None
     refusal: str = ""
     present: bool = False
     left: bool = False
@@ -60,9 +63,30 @@ class FleetStop:
         found.refusal = ""
         if found.acknowledged_s is None:
             found.acknowledged_s = now_s
-        stands, fastest_m_s = reply.data.get("stands"), reply.data.get("fastest_m_s")
-        found.stands = stands if isinstance(stands, bool) else None
-        found.fastest_m_s = float(fastest_m_s) if isinstance(fastest_m_s, int | float) else None
+        stands: object = reply.data.get("stands")
+        fastest_m_s = reply.data.get("fastest_m_s")
+        if not found.stands:
+            # An answer tells how far its own stop was obeyed: a second one begins anew.
+            found.stands = stands if isinstance(stands, bool) else None
+            known = isinstance(fastest_m_s, int | float)
+            found.fastest_m_s = fastest_m_s if known else None
+
+    def measured(self, robot: str, seq: int, speeds_m_s: Sequence[float]) -> None:
+        """Note the speeds of a robot's wheels; two readings in a row below the limit are a stand.
+
+        Args:
+            seq: The number of the reading.
+        """
+        found = self.robots[robot]
+        if found.acknowledged_s is None or not speeds_m_s:
+            return
+        found.fastest_m_s = max(map(abs, speeds_m_s))
+        if found.fastest_m_s >= STANDING_M_S:
+            found.slow = None
+        elif found.slow is None:
+            found.slow = seq
+        elif found.slow != seq:
+            found.stands = True
 
     def seen(self, robot: str, *, present: bool) -> bool:
         """Note that a robot's daemon came or went.
@@ -73,7 +97,7 @@ class FleetStop:
         """
         found = self.robots.setdefault(robot, RobotStop())
         if present and found.left:
-            found.acknowledged_s = found.stands = None
+            found.acknowledged_s = found.stands = found.slow = None
         found.left = not present and (found.left or found.present)
         came, found.present = present and not found.present, present
         return came and found.acknowledged_s is None
@@ -84,7 +108,7 @@ class FleetStop:
         return [name for name, robot in self.robots.items() if robot.acknowledged_s is None]
 
     def turning(self, now_s: float) -> list[str]:
-        """The robots whose wheels may still come to rest; ask them again."""
+        """The robots whose wheels may still come to rest; ask for their speeds."""
         return [
             name
             for name, robot in self.robots.items()
@@ -139,4 +163,4 @@ def _words(robot: RobotStop) -> str:
     if robot.stands is None:
         return "stopped; no counts show whether its wheels stand."
     speed = "" if robot.fastest_m_s is None else f" at {robot.fastest_m_s:.2f} m/s"
-    return f"stopped; its wheels still turned{speed} when it answered last."
+    return f"stopped; its wheels still turned{speed} by its latest counts."

@@ -26,7 +26,7 @@ from yahboomd.core.bus.options import BusOptions, zenoh_config
 from yahboomd.core.bus.presence import TokenChange
 from yahboomd.core.clock import Clock, seconds
 from yahboomd.core.errors import BusError
-from yahboomd.core.messages.native import ServiceReply
+from yahboomd.core.messages.native import ServiceReply, WheelsSample
 from yahboomd.tools.fleet.fleet_list import FleetList
 from yahboomd.tools.fleet.fleet_plan import stop_key
 from yahboomd.tools.fleet.fleet_stop import FleetStop
@@ -41,6 +41,7 @@ TELL_S = 2.0
 """How often missing robots are named."""
 
 _LONGEST_NAME = 24
+_OWN = "yahboomd"
 
 
 class FleetWay:
@@ -91,8 +92,10 @@ class FleetWay:
             with suppress(TimeoutError):
                 async with asyncio.timeout(AGAIN_S):
                     await self.wake.wait()
-            if wanted := [stop_key(each) for each in self._stop.wanted if self._leads_to(each)]:
-                await self._send(bus, wanted)
+            if wanted := list(filter(self._leads_to, self._stop.progress.missing)):
+                await self._send(bus, [stop_key(each) for each in wanted])
+            if turning := list(filter(self._leads_to, self._stop.turning)):
+                await self._ask_speeds(bus, turning)
 
     def _leads_to(self, robot: str) -> bool:
         return any(f"{robot}/".startswith(f"{place}/") for place in self._places)
@@ -103,6 +106,16 @@ class FleetWay:
         # A connection that takes nothing is closed by Zenoh after a second.
         with suppress(TimeoutError, zenoh.ZError):
             await bounded(call, timeout_s=ANSWER_S, name="fleet-stop")
+
+    async def _ask_speeds(self, bus: Bus, robots: list[str]) -> None:
+        def ask() -> None:
+            for robot in robots:
+                key = full_key(robot, keys.WHEELS)
+                replied = Callback(self._stop.replied, indirect=False)
+                bus.session.get(key, replied, timeout=ANSWER_S)
+
+        with suppress(TimeoutError, zenoh.ZError):
+            await bounded(ask, timeout_s=ANSWER_S, name="fleet-speeds")
 
 
 class StopAll:
@@ -138,9 +151,9 @@ class StopAll:
         self._ways: list[FleetWay] = []
 
     @property
-    def wanted(self) -> list[str]:
-        """The robots that the stop is sent to again."""
-        return self.progress.missing + self.progress.turning(self._now_s())
+    def turning(self) -> list[str]:
+        """The robots whose wheels may still come to rest."""
+        return self.progress.turning(self._now_s())
 
     async def run(self) -> None:
         """Stop them; returns when all acknowledged, and stand or had three seconds for it.
@@ -191,10 +204,13 @@ class StopAll:
             self._loop.call_soon_threadsafe(self._answered, key, payload)
 
     def _answered(self, key: str, payload: bytes) -> None:
-        answer = read_sample(payload, ServiceReply)
-        if answer is not None and key.endswith(f"/{keys.ESTOP}"):
-            self.progress.answered(key.removesuffix(f"/{keys.ESTOP}"), answer, self._now_s())
-            self._news.set()
+        robot, _, what = key.rpartition(f"/{_OWN}/")
+        answer, wheels = read_sample(payload, ServiceReply), read_sample(payload, WheelsSample)
+        if f"{_OWN}/{what}" == keys.ESTOP and answer is not None:
+            self.progress.answered(robot, answer, self._now_s())
+        elif robot in self.progress.robots and wheels is not None:
+            self.progress.measured(robot, wheels.seq, wheels.speed_m_s)
+        self._news.set()
 
     def _now_s(self) -> float:
         return seconds(self._clock.now_ns() - self._began_ns)
