@@ -225,8 +225,8 @@ $(VENV)/.release: pyproject.toml make/bootstrap.py
 release: $(VENV)/.release ## all that a release publishes, built twice, judged and tried, into dist/ (docs/release.md; ARGS=--no-deb)
 	@exec $(PY) make/release.py $(ARGS)
 
-system-test: $(VENV)/.dev ## the installed service under a real systemd, in a container (root; SUITE=trixie, SHORT=1)
-	@$(PY) make/system_test.py $(if $(SUITE),--suite $(SUITE)) $(if $(SHORT),--short --if-possible) $(ARGS)
+system-test: $(VENV)/.dev ## the installed service under a real systemd, in a container (root; SUITE=trixie, SHORT=1, OLDER=REVISION)
+	@$(PY) make/system_test.py $(if $(SUITE),--suite $(SUITE)) $(if $(SHORT),--short --if-possible) $(if $(OLDER),--older $(OLDER)) $(ARGS)
 
 plug-test: $(VENV)/.dev ## what plugging a board in does, on a real kernel in an emulated PC (root; five minutes)
 	@$(PY) make/plug_test.py $(if $(SUITE),--suite $(SUITE)) $(ARGS)

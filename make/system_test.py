@@ -37,6 +37,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n", maxsplit=1)[0])
     parser.add_argument("--suite", default="bookworm", help="the Debian release to boot")
     parser.add_argument(
+        "--older", default="", metavar="REVISION", help="update from the package of this commit too"
+    )
+    parser.add_argument(
         "--short", action="store_true", help="the main claims only, for every change"
     )
     parser.add_argument(
@@ -47,7 +50,8 @@ def main() -> int:
         cache = prepare_cache()
         install_tools()
         root = make_root(cache, args.suite)
-        package = build_package(cache, root)
+        package = build_package(TREE, cache / f"packages-{root.name}", root)
+        older = build_older(cache, root, args.older) if args.older else ""
     except Impossible as why:
         sys.stderr.write(f"system-test: not run: {why}\n")
         return 0 if args.if_possible else 1
@@ -58,6 +62,7 @@ def main() -> int:
             **os.environ,
             "YAHBOOMD_SYSTEM_ROOT": str(root),
             "YAHBOOMD_SYSTEM_PACKAGE": str(package),
+            "YAHBOOMD_SYSTEM_OLDER": str(older),
             "YAHBOOMD_SYSTEM_SHORT": "1" if args.short else "",
         },
     )
@@ -118,9 +123,18 @@ def make_root(cache: Path, suite: str) -> Path:
     return root
 
 
-def build_package(cache: Path, root: Path) -> Path:
+def build_older(cache: Path, root: Path, revision: str) -> Path:
+    """Build the package of another commit, whose version is 0.0 without its history."""
+    with tempfile.TemporaryDirectory(prefix="yahboomd-older-") as folder:
+        packed = subprocess.run(
+            ["git", "archive", revision], cwd=TREE, check=True, capture_output=True
+        )
+        subprocess.run(["tar", "-x", "-C", folder], input=packed.stdout, check=True)
+        return build_package(Path(folder), cache / f"older-{root.name}", root)
+
+
+def build_package(tree: Path, output: Path, root: Path) -> Path:
     print("system-test: building the Debian package", flush=True)
-    output = cache / f"packages-{root.name}"
     shutil.rmtree(output, ignore_errors=True)
     output.mkdir()
     if _release(Path("/")) == _release(root):
@@ -131,16 +145,16 @@ def build_package(cache: Path, root: Path) -> Path:
             "--output",
             str(output),
         ]
-        status = subprocess.call(command, cwd=TREE)
+        status = subprocess.call(command, cwd=tree)
     else:
-        status = _build_inside(root, output)
+        status = _build_inside(tree, root, output)
     built = sorted(output.glob("*.deb"))
     if status != 0 or not built:
         sys.exit("system-test: the package could not be built; see above.")
     return built[0]
 
 
-def _build_inside(root: Path, output: Path) -> int:
+def _build_inside(tree: Path, root: Path, output: Path) -> int:
     """Build in the booted distribution, with this machine's network and certificates."""
     certificates = "/etc/ssl/certs/ca-certificates.crt"
     trusted = ()
@@ -151,7 +165,7 @@ def _build_inside(root: Path, output: Path) -> int:
         [
             *("systemd-nspawn", "--quiet", "-D", str(root), "--volatile=overlay"),
             *("--register=no", "--keep-unit", "--pipe", "--resolv-conf=copy-host", *trusted),
-            *(f"--bind-ro={TREE}:/src", f"--bind={output}:/out"),
+            *(f"--bind-ro={tree}:/src", f"--bind={output}:/out"),
             *("python3", "/src/packaging/build_deb.py", "--quick", "--output", "/out"),
         ],
         stdin=subprocess.DEVNULL,

@@ -161,7 +161,8 @@ def _files(stage: Path, version: str, pretty: str) -> None:
         stage / "usr/lib/sysusers.d/yahboomd.conf",
         (TREE / "systemd/yahboomd.sysusers.conf").read_text(),
     )
-    _write(stage / "etc/yahboomd/config.toml", (TREE / "config.toml").read_text())
+    # No conffile: dpkg would ask about it at each update that changes it. postinst copies it.
+    _write(stage / "usr/share/yahboomd/config.toml", (TREE / "systemd/config.toml").read_text())
     (stage / "usr/bin").mkdir(parents=True)
     (stage / "usr/bin/yahboomd").symlink_to(f"/{HOME}/bin/yahboomd")
     doc = stage / "usr/share/doc/yahboomd"
@@ -212,7 +213,6 @@ def _control(
         f" .\n"
         f" Built for {pretty}, Python {_dotted(python)}.\n",
     )
-    _write(folder / "conffiles", "/etc/yahboomd/config.toml\n")
     for name in ("preinst", "postinst", "prerm", "postrm"):
         text = (HERE / name).read_text().replace("@VERSION@", version)
         _write(folder / name, text, executable=True)

@@ -86,8 +86,7 @@ def data_text(name: str) -> str:
         OSError: The file is missing.
     """
     package = Path(__file__).resolve().parents[2]
-    folder = "" if name == "config.toml" else "systemd"
-    for place in (package / "_data" / folder / name, package.parent / folder / name):
+    for place in (package / "_data/systemd" / name, package.parent / "systemd" / name):
         if place.is_file():
             return place.read_text(encoding="utf-8")
     raise FileNotFoundError(f"{name} is missing from this installation of yahboomd")
