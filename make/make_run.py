@@ -12,7 +12,8 @@ import tempfile
 import time
 from pathlib import Path
 
-PATIENCE_S = 15.0
+WORD_EVERY_S = 5.0
+"""While a slow computer starts the board or the daemon."""
 
 PASSED_ON = (signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1, signal.SIGUSR2)
 """Passed on to the daemon, which stops the wheels and ends; then this and the board end."""
@@ -73,11 +74,12 @@ def main() -> int:
             start_new_session=True,
         ) as board:
             try:
-                deadline = time.monotonic() + PATIENCE_S
+                starts = Starting("the simulated board", time.monotonic())
                 while not link.exists():
-                    if board.poll() is not None or time.monotonic() > deadline:
+                    if board.poll() is not None:
                         sys.stderr.write("yahboomd: the simulated board did not start.\n")
                         return 1
+                    starts.wait_on(time.monotonic())
                     time.sleep(0.05)
                 sys.stdout.write(f"A simulated board is at {link}, and yahboomd starts on it.\n")
                 # A simulated robot's e-stop and wheels end with it, so a guard would only report
@@ -113,17 +115,22 @@ def _drive(
         listen: The address of the page.
         own: Further options of the daemon.
     """
+    from yahboomd.core.names import host_and_port, is_local
     from yahboomd.tools.stop.unresponsive import listener
 
+    # A Unix socket, or a client without one, does not show who listens.
+    shows = any(host_and_port(each) and is_local(each) for each in endpoints)
     daemon = subprocess.Popen([*_yahboomd(), "run", "--port", port, *own, *more])
     for number in PASSED_ON:
         signal.signal(number, lambda number, _: daemon.send_signal(number))
-    deadline = time.monotonic() + PATIENCE_S
+    starts = Starting("yahboomd", time.monotonic())
     invited = False
     children: list[subprocess.Popen[bytes]] = []
     while True:
         try:
-            if not invited and (listener(endpoints) == daemon.pid or time.monotonic() > deadline):
+            if not invited and shows and listener(endpoints) != daemon.pid:
+                starts.wait_on(time.monotonic())
+            elif not invited:
                 invited = True
                 options = "".join(f" {shlex.quote(word)}" for word in more)
                 sys.stdout.write(HINT.format(folder=Path.cwd(), options=options))
@@ -143,6 +150,29 @@ def _drive(
         except KeyboardInterrupt:
             # The signal also reached the daemon, which stops the wheels first.
             continue
+
+
+class Starting:
+    """Prints a line every few seconds while something starts.
+
+    Args:
+        name: Its name, as the beginning of a sentence.
+        now_s: The time, as of the other calls.
+    """
+
+    def __init__(self, name: str, now_s: float) -> None:
+        self._name = name
+        self._began_s = self._last_s = now_s
+
+    def wait_on(self, now_s: float) -> None:
+        """Go on waiting."""
+        if now_s - self._last_s < WORD_EVERY_S:
+            return
+        self._last_s = now_s
+        sys.stdout.write(
+            f"{self._name} starts, for {now_s - self._began_s:.0f} s so far; Ctrl-C ends it.\n"
+        )
+        sys.stdout.flush()
 
 
 def _yahboomd() -> list[str]:

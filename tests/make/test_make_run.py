@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import signal
 import socket
@@ -203,3 +204,20 @@ def test_where_the_daemon_does_not_start_no_one_is_invited_to_drive_it() -> None
         assert made.end() == 69
     assert "cannot listen" in made.output
     assert "second terminal" not in made.output
+
+
+def test_a_slow_start_is_waited_for_with_a_line_every_few_seconds(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    spec = importlib.util.spec_from_file_location("make_run", SCRIPT)
+    assert spec is not None
+    assert spec.loader is not None
+    make_run = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(make_run)
+    starts = make_run.Starting("yahboomd", 100.0)
+    for tenths in range(1000, 1121):
+        starts.wait_on(tenths / 10)
+    assert capsys.readouterr().out.splitlines() == [
+        "yahboomd starts, for 5 s so far; Ctrl-C ends it.",
+        "yahboomd starts, for 10 s so far; Ctrl-C ends it.",
+    ]
