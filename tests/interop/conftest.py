@@ -280,12 +280,12 @@ def robot(tmp_path: Path) -> Iterator[Callable[..., RealRobot]]:
     """Starts a robot that joins a router, with settings such as ``ros2.rmw_zenoh=true``."""
     robots: list[RealRobot] = []
 
-    def start(endpoint: str, *settings: str) -> RealRobot:
+    def start(endpoint: str, *settings: str, dialect: str = "streamed") -> RealRobot:
         run = [f'zenoh.connect=["{endpoint}"]', LASER, *settings]
         folder = tmp_path / f"robot{len(robots)}"
         folder.mkdir()
         sets = [part for each in run for part in ("--set", each)]
-        robots.append(RealRobot(folder, simulate=("--ticks", FAR), run=sets))
+        robots.append(RealRobot(folder, simulate=("--dialect", dialect, "--ticks", FAR), run=sets))
         robots[-1].daemon.says("Connected")
         return robots[-1]
 

@@ -177,18 +177,23 @@ TOPICS = {
     ),
     "at 20 Hz": ("odometry.publish_rate_hz=20",),
 }
-READERS = {"no node": (), "all topics": ("rviz", "tf2_ros", "robot_state_publisher", "panel")}
+WITH_SENSOR = {"all topics": (), "without /imu/data, /imu/data_raw": ("ros2.imu=false",)}
+READERS = {
+    "no node": (),
+    "all topics": ("rviz", "tf2_ros", "robot_state_publisher", "panel", "imu"),
+}
 
 
-def test_costs_by_topic(ros_bridge, start_ros_node, robot, capsys):
+@pytest.mark.parametrize(("dialect", "topics"), [("streamed", TOPICS), ("rosmaster", WITH_SENSOR)])
+def test_costs_by_topic(ros_bridge, start_ros_node, robot, capsys, dialect, topics):
     """CPU of daemon and bridge, % of a core, in three rounds; and what each topic costs of it."""
     shares = {}
     for readers, consumers in READERS.items():
         if consumers:
             start_ros_node(*consumers)
         for _ in range(3):
-            for name, settings in TOPICS.items():
-                driven = robot(ros_bridge.endpoint, *settings)
+            for name, settings in topics.items():
+                driven = robot(ros_bridge.endpoint, *settings, dialect=dialect)
                 pids = driven.daemon.process.pid, ros_bridge.process.pid
                 time.sleep(1.0)
                 before = [usage(pid) for pid in pids]

@@ -42,7 +42,7 @@ from rclpy.qos import (
     ReliabilityPolicy,
     qos_profile_system_default,
 )
-from sensor_msgs.msg import BatteryState, JointState
+from sensor_msgs.msg import BatteryState, Imu, JointState
 from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
 
@@ -90,6 +90,11 @@ CONSUMERS: dict[str, list[tuple[str, Any, QoSProfile]]] = {
         ("/battery_state", BatteryState, reliable(10)),
         ("/diagnostics", DiagnosticArray, qos_profile_system_default),
         ("/estopped", Bool, reliable(1, latched=True)),
+    ],
+    # robot_localization again
+    "imu": [
+        ("/imu/data_raw", Imu, best_effort(10)),
+        ("/imu/data", Imu, best_effort(10)),
     ],
     # demo_nodes_py's listener
     "chatter": [("/chatter", String, reliable(10))],
