@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import signal
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
 
@@ -13,6 +14,7 @@ from zenoh.handlers import Callback
 pytest.importorskip("cryptography")
 
 from fleet_bench import LATE, ROBOTS, STANDS, TURNS, FleetBench, RecordingRobot
+from real_robot import Process
 from zenoh_fixtures import eventually
 
 from yahboomd.cli.main import main
@@ -211,3 +213,16 @@ def test_the_command_prints_the_result_and_ends_by_it(
     assert result.startswith("4 of 4 robots acknowledged, the last after ")
     assert result.endswith(" s; 4 stand.")
     late.sessions[0].close()
+
+
+def test_an_interrupt_ends_the_command_with_the_list_of_who_is_missing(fleet: FleetBench) -> None:
+    fleet.robots["bot2"].answer = ""
+    process = Process("stop", "--all", "--fleet", str(fleet.file("people/vera")))
+    try:
+        process.says(f"2 of 4 robots acknowledged. Missing: {TWO}, {LATE}.")
+        assert process.end(signal.SIGINT) == 1
+    finally:
+        process.end()
+    assert "from now on nothing repeats the stop" in process.output
+    assert f"{TWO}: did not answer, although its daemon is there." in process.output
+    assert f"{LATE}: is not reachable." in process.output
