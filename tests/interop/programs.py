@@ -331,6 +331,18 @@ def extent_m(drawn: dict[str, Any]) -> tuple[float, float]:
     return (max(across) - min(across)) * step, (max(along) - min(along)) * step
 
 
+def picture(rows: list[str]) -> str:
+    """A map with a character for four by two of its cells, as it is seen from above."""
+    blocks = [
+        ["".join(row[x : x + 2] for row in rows[y : y + 4]) for x in range(0, len(rows[0]), 2)]
+        for y in range(0, len(rows), 4)
+    ]
+    return "\n".join(
+        "".join(next(sign for sign in "#.?" if sign in cells) for cells in line)
+        for line in reversed(blocks)
+    )
+
+
 def test_slam_toolbox(
     graph: Graph, row: Callable[[str, str], None], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -368,5 +380,4 @@ def test_slam_toolbox(
         f"the outer walls of a room of {ROOM_M[0]} m by {ROOM_M[1]} m",
     )
     with capsys.disabled():
-        # Every second cell: a character is about twice as high as it is wide.
-        print("\n".join(line[::2] for line in reversed(drawn["rows"][::4])))
+        print(picture(drawn["rows"]))
