@@ -151,7 +151,7 @@ def test_without_tls_the_settings_name_what_the_browser_withholds_and_how_to_get
         page.touch(page.middle(".settings"))
         bench.stays()
         page.lift()
-    with bench.page(driver) as page:
+    with bench.page(bench.url) as page:
         bench.ready(page)
         page.click(".gear")
         page.says(".settings", "None yet. Press a button of it.")
