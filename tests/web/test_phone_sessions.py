@@ -150,6 +150,7 @@ async def test_a_session_lasts_as_long_as_it_is_used_and_thirty_days_beyond(
         bert.pages = 1
         await house.sessions.look()
         bert.pages = 0
+    assert house.names() == {"Anne", "Bert"}
     house.clock.slept_ns += LIFE_NS + 1
     # At once, not when somebody looks.
     assert house.sessions.of_cookie(hers) is None

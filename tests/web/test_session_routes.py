@@ -232,6 +232,22 @@ async def test_a_session_that_the_terminal_ends_stops_the_robot_and_closes_its_p
     assert served.sessions.all == []
 
 
+async def test_the_robot_is_stopped_before_anything_else_that_the_page_sent_is_read(
+    fake_daemon: Any, site: Any
+) -> None:
+    served = await site(await fake_daemon(), phones=True)
+    page = await served.page()
+    await page.send(type="control", want=True)
+    await page.one("control", mine=True)
+    (session,) = served.sessions.all
+    # Nothing is awaited in between.
+    served.sessions._drop(session, "Over.")
+    assert served.hub._commands.driver is None
+    assert not served.hub.has_control(session)
+    assert session.pages == 0
+    assert await page.close_code() == SESSION_ENDED
+
+
 async def test_a_session_that_ends_while_its_page_connects_opens_none(site: Any) -> None:
     """Nor does it become a page of a robot that everybody may drive."""
     served = await site(endpoint=free_endpoint(), phones=True)

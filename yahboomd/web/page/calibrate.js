@@ -139,7 +139,7 @@ export function create(app) {
     if (message.why === "late") live.emit("delay", { age_ms: message.age_ms });
     if (deadman.held) deadman.letGo(message.text);
   });
-  live.on("control", ({ mine: isMine }) => isMine || deadman.letGo("Another page took control."));
+  live.on("control", ({ mine: isMine, name }) => isMine || deadman.letGo(`${name || "Another page"} took control.`));
   live.on("link", ({ open }) => open || deadman.letGo("The connection to the robot was lost."));
   for (const type of ["hello", "control", "daemon", "status", "link"]) live.on(type, show);
 

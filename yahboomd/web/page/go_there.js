@@ -48,7 +48,7 @@ export class GoThere {
       if (message.why === "late") live.emit("delay", { age_ms: message.age_ms });
       if (this.deadman.held) this.letGo(message.text);
     });
-    live.on("control", ({ mine }) => mine || this.letGo("Another page took control."));
+    live.on("control", ({ mine, name }) => mine || this.letGo(`${name || "Another page"} took control.`));
     live.on("link", ({ open }) => open || this.letGo("The connection to the robot was lost."));
     for (const type of ["hello", "control", "daemon", "status", "link", "delay"]) live.on(type, () => this.#show());
   }
