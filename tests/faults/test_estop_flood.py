@@ -23,10 +23,10 @@ FLOOD = Path(__file__).parents[1] / "plugins" / "zenoh_flood_process.py"
 REFUSED = '{"engaged": false}'
 MEGABYTES = 15_000_000
 FLOODS = {
-    "samples at 5 kHz": ("put", 5_000),
-    "samples as fast as it goes": ("put", 1_000_000),
-    "queries as fast as it goes": ("get", 1_000_000),
+    "samples": "put",
+    "queries": "get",
 }
+"""As fast as it goes."""
 
 
 @contextlib.contextmanager
@@ -69,15 +69,15 @@ class Operator:
         self.app.in_state("estopped")
 
 
-@pytest.mark.parametrize(("how", "hz"), FLOODS.values(), ids=FLOODS)
+@pytest.mark.parametrize("how", FLOODS.values(), ids=FLOODS)
 def test_no_estop_is_lost_and_none_caused_while_another_client_floods_its_key_with_refusals(
-    real_robot: Callable[..., RealRobot], client: Callable[..., Client], how: str, hz: int
+    real_robot: Callable[..., RealRobot], client: Callable[..., Client], how: str
 ) -> None:
     robot = real_robot()
     operator = Operator(robot, client)
     operator.app.in_state("standing")
     flood = {"endpoint": robot.endpoint, "key": "yahboomd/estop", "how": how}
-    with floods(flood | {"payload": REFUSED, "hz": hz}):
+    with floods(flood | {"payload": REFUSED, "hz": 1_000_000}):
         wait_for(lambda: counted(operator.app, "release_refused") > 1_000, "the flood")
         assert counted(operator.app, "estops") == 0
         for number in range(4):

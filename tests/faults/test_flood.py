@@ -128,8 +128,6 @@ MOST_MB = 2 * RING + 32
 taken, and the network's own buffers. In the test some gigabytes are sent."""
 
 FLOODS = {
-    "commands from one": ("polled", ["commands"]),
-    "garbage from one": ("streamed", ["garbage"]),
     "megabytes from one": ("streamed", ["megabytes"]),
     "all from many": ("polled", ["commands", "garbage", "megabytes", "garbage"]),
 }

@@ -436,10 +436,12 @@ class Lossy(MoveBench):
     Attributes:
         steps: Hours by which the wall clocks of the service and the daemon step.
         steps_s: When.
+        way_m: The way ahead, before the turn.
     """
 
     steps = (0.0, 0.0)
     steps_s = math.inf
+    way_m = 0.9
 
     async def lose(self, loss: str, after_s: float) -> float:
         """Drive, lose something, and return after how many seconds the wheels truly stand."""
@@ -459,7 +461,7 @@ class Lossy(MoveBench):
         keeper.learn(self.config.resolved().as_data())
         keeper.status(daemon_samples.status("standing", driver=None, why=""), 0)
         begun_ns, lost_ns = self.clock.now_ns(), 0
-        moves = (Move(kind="straight", distance_m=3.0), Move(kind="turn", angle_rad=9.0))
+        moves = (Move(kind="straight", distance_m=self.way_m), Move(kind="turn", angle_rad=9.0))
         asked = False
         while True:
             now_ns = self.clock.now_ns()
@@ -498,7 +500,7 @@ class Lossy(MoveBench):
 @pytest.mark.parametrize(
     ("loss", "most_s"), [("client", 1.3), ("token", 0.8), ("cancel", 0.8), ("service", 1.1)]
 )
-@pytest.mark.parametrize("after_s", [1.0, 2.3, 5.1, 12.5])
+@pytest.mark.parametrize("after_s", [1.0, 5.0])
 @on_virtual_time
 async def test_a_robot_stands_soon_after_its_client_is_lost(
     tmp_path: Path, loss: str, most_s: float, after_s: float
@@ -520,6 +522,7 @@ async def test_wall_clocks_that_step_in_mid_move_neither_end_it_nor_keep_it_aliv
     async with Lossy(tmp_path) as bench:
         await bench.ready()
         await asyncio.sleep(0.3)
-        bench.steps, bench.steps_s = (whose[0] * hours, whose[1] * hours), 2.0
-        # The client is there for 2 s more; at its loss the wheels still turn.
-        assert await bench.lose("client", 4.0) < 1.3
+        bench.way_m = 3.0
+        bench.steps, bench.steps_s = (whose[0] * hours, whose[1] * hours), 0.7
+        # The client is there for 1.3 s more; at its loss the wheels still turn.
+        assert await bench.lose("client", 2.0) < 1.3

@@ -317,6 +317,7 @@ def test_others_drive_through_a_node_that_listens_and_reach_none_that_is_a_clien
         )
 
 
+@pytest.mark.parametrize("house", ["certificates"], indirect=True)
 def test_a_viewer_who_floods_the_estop_costs_the_operator_none_of_his_stops(
     house: tuple[RealRobot, Callable[[str], dict[str, Any]]], app: Callable[..., Any]
 ) -> None:

@@ -48,11 +48,16 @@ async def test_a_robot_that_is_as_described_is_seen_to_be(drive: str) -> None:
     assert "Is the mark at the bottom now?" in "".join(person.questions)
 
 
-@pytest.mark.parametrize("profile", ["520", "520-1:19", "520-1:56", "l520"])
-@pytest.mark.parametrize("true", ["520", "520-1:19", "520-1:56", "l520"])
+GEARS = ["520", "520-1:19", "520-1:56", "l520"]
+
+
+@pytest.mark.parametrize(
+    ("true", "profile"),
+    [*zip(GEARS, GEARS, strict=True), *zip(GEARS, [*GEARS[1:], GEARS[0]], strict=True)],
+)
 @on_virtual_time
 async def test_a_profile_with_another_gear_is_replaced_by_the_one_that_fits(
-    profile: str, true: str
+    true: str, profile: str
 ) -> None:
     bench, person = robot(ratio=PROFILES[true].ratio)
     found = await set_up(bench, known(profile), person=person)

@@ -89,12 +89,20 @@ async def test_four_wheels_however_they_are_connected_are_found_and_drive(
     await drives_straight_and_turns_left(bench, found, tmp_path)
 
 
-@pytest.mark.parametrize("plugs", [(1, 3), (-3, 1), (2, -4), (-4, -3)], ids=str)
-@pytest.mark.parametrize("by_hand", [False, True], ids=["by output", "by hand"])
-@pytest.mark.parametrize("dialect", ["streamed", "polled"])
+@pytest.mark.parametrize(
+    ("dialect", "by_hand", "plugs"),
+    [
+        ("streamed", False, (1, 3)),
+        ("streamed", False, (-4, -3)),
+        ("streamed", True, (-3, 1)),
+        ("streamed", True, (2, -4)),
+        ("polled", False, (-4, -3)),
+        ("polled", True, (2, -4)),
+    ],
+)
 @on_virtual_time
 async def test_two_wheels_are_found_by_output_and_by_hand_and_drive(
-    plugs: tuple[int, ...], by_hand: bool, dialect: str, tmp_path: Path
+    dialect: str, by_hand: bool, plugs: tuple[int, ...], tmp_path: Path
 ) -> None:
     bench = LinkBench(wiring=plugged(TWO_WHEELS, plugs), dialect=dialect)
     person = SimulatedPerson(bench)
