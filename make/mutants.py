@@ -42,7 +42,7 @@ ROOMS = {
     "calibration": ("yahboomd/tools/calibrate/estimates", ["tests/calibration"]),
     "tuning": ("yahboomd/tools/tune/estimates", ["tests/tuning"]),
     "messages": ("yahboomd/core/messages", ["tests/messages"]),
-    "ros2": ("yahboomd/ros2/messages", ["tests/ros2/messages"]),
+    "ros2": ("yahboomd/ros2/messages", ["tests/ros2/messages", "tests/ros2/test_ros2_samples.py"]),
     "counts": ("yahboomd/core/counts.py", ["tests/test_counts.py"]),
     "model": ("yahboomd/core/model.py", ["tests/test_model.py"]),
     "names": ("yahboomd/core/names.py", ["tests/test_names.py"]),

@@ -162,6 +162,7 @@ async def test_the_inertial_sensor_is_published_raw_and_with_the_heading(graph: 
         assert each["linear_acceleration"] == {"x": 0.5, "y": -0.25, "z": 9.75}
         assert list(each["linear_acceleration_covariance"])[::4] == [0.0625] * 3
     # REP 145: -1 without an orientation.
+    assert raw["orientation"] == {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
     assert list(raw["orientation_covariance"]) == [-1.0] + [0.0] * 8
     assert raw["angular_velocity"] == {"x": 0.125, "y": 0.25, "z": 0.5}
     assert list(raw["angular_velocity_covariance"])[::4] == [0.25] * 3
