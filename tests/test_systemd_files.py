@@ -111,6 +111,15 @@ def test_wheels_that_were_not_seen_to_stand_are_stopped_once_more(
 
 
 @pytest.mark.parametrize("unit", UNITS)
+def test_the_daemon_goes_before_other_services_also_where_niceness_does_not_count(
+    unit: str,
+) -> None:
+    others = [int(keys(beside).get("CPUWeight", ["100"])[0]) for beside in (METRICS, MOVES, WEB)]
+    assert int(keys(unit)["CPUWeight"][0]) > max(others)
+    assert int(keys(unit)["Nice"][0]) < 0
+
+
+@pytest.mark.parametrize("unit", UNITS)
 def test_the_emergency_stop_outlives_the_service(unit: str) -> None:
     assert keys(unit)["RuntimeDirectoryPreserve"] == ["yes"]
 
