@@ -33,7 +33,7 @@ def test_every_option_of_a_command_is_offered_and_none_of_another(shell: Shell) 
 
 
 def test_a_verb_has_its_own_options(shell: Shell) -> None:
-    verbs = ["check", "parameters", "reference", "schema", "show", "urdf"]
+    verbs = ["check", "migrate", "parameters", "reference", "schema", "show", "urdf"]
     assert shell.complete("yahboomd config ") == verbs
     assert "--origin" in shell.complete("yahboomd config show --")
     assert "--origin" not in shell.complete("yahboomd config check --")
