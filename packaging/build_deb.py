@@ -1,9 +1,9 @@
 """Builds the Debian package, for the distribution that this runs on.
 
-    python3 packaging/build_deb.py [--output FOLDER]
+    python3 packaging/build_deb.py [--output FOLDER] [--architecture arm64]
 
-The package carries its dependencies in a virtual environment under /opt/yahboomd, made for the
-distribution's own Python. It is assembled file by file rather than copied from a venv, so that it
+The package carries its dependencies, the versions of bundled.txt, in a virtual environment under
+/opt/yahboomd, made for the distribution's own Python. It is assembled file by file rather than copied from a venv, so that it
 contains no path of the building machine. Needs dpkg-deb, and python3-venv of the distribution.
 """
 
@@ -13,6 +13,7 @@ import argparse
 import gzip
 import hashlib
 import os
+import platform
 import re
 import shutil
 import subprocess
@@ -24,7 +25,8 @@ HERE = Path(__file__).resolve().parent
 TREE = HERE.parent
 PYTHON = "/usr/bin/python3"
 HOME = "opt/yahboomd"
-EXTRAS = "monitor,web"
+WHEELS = {"amd64": "x86_64", "arm64": "aarch64"}
+"""The processors for which all bundled packages have wheels, and the wheels' name for each."""
 
 
 def main() -> int:
@@ -32,6 +34,12 @@ def main() -> int:
     parser.add_argument("--output", type=Path, default=TREE / "dist", metavar="FOLDER")
     parser.add_argument(
         "--quick", action="store_true", help="only to try it: not compressed, and not judged"
+    )
+    parser.add_argument(
+        "--architecture",
+        choices=sorted(WHEELS),
+        default=_output("dpkg", "--print-architecture") if shutil.which("dpkg") else None,
+        help="the processor it is for (default: this machine's)",
     )
     args = parser.parse_args()
     system = _os_release()
@@ -50,28 +58,37 @@ def main() -> int:
         stage = work / "stage"
         # A restrictive umask must not make a package unreadable.
         os.umask(0o022)
-        version = _environment(work, stage, python)
+        version = _environment(work, stage, python, args.architecture)
         # For dpkg a development version, such as 0.1.dev7, comes before its release.
         version = re.sub(r"\.?(dev|rc|a|b)(?=\d)", r"~\1", version, count=1) + f"-1~{name}"
         _files(stage, version, pretty)
-        architecture = _output("dpkg", "--print-architecture")
-        _control(stage, version, architecture, python, pretty)
+        _control(stage, version, args.architecture, python, pretty)
         args.output.mkdir(parents=True, exist_ok=True)
-        package = args.output / f"yahboomd_{version}_{architecture}.deb"
+        package = args.output / f"yahboomd_{version}_{args.architecture}.deb"
         packed = "-Znone" if args.quick else "-Zxz"
         _run("dpkg-deb", "--root-owner-group", packed, "--build", str(stage), str(package))
-    if shutil.which("lintian") and not args.quick:
-        _run("lintian", "--fail-on", "error,warning", "--allow-root", str(package))
+        if shutil.which("lintian") and not args.quick:
+            _judge(stage, work / "ours.deb")
     print(
         f"{package}\n"
-        f"built for {pretty} ({architecture}, Python {_dotted(python)}); "
+        f"built for {pretty} ({args.architecture}, Python {_dotted(python)}); "
         f"{package.stat().st_size / 1e6:.1f} MB\n"
         f"install it there: sudo apt install ./{package.name}   (in {package.parent})"
     )
     return 0
 
 
-def _environment(work: Path, stage: Path, python: tuple[int, int]) -> str:
+def _judge(stage: Path, package: Path) -> None:
+    """Ask lintian about our own files: what others packed into their wheels is theirs."""
+    for folder in stage.glob(f"{HOME}/lib/python*/site-packages/*"):
+        if not folder.name.startswith("yahboomd"):
+            shutil.rmtree(folder) if folder.is_dir() else folder.unlink()
+    _sums(stage)
+    _run("dpkg-deb", "--root-owner-group", "--build", str(stage), str(package))
+    _run("lintian", "--fail-on", "error,warning", "--allow-root", str(package))
+
+
+def _environment(work: Path, stage: Path, python: tuple[int, int], architecture: str) -> str:
     """The virtual environment; returns yahboomd's version."""
     tools = work / "tools"
     if subprocess.call([PYTHON, "-m", "venv", str(tools)]) != 0:
@@ -80,14 +97,13 @@ def _environment(work: Path, stage: Path, python: tuple[int, int]) -> str:
     _run(*pip, "wheel", "--no-deps", "--wheel-dir", str(work), str(TREE))
     wheel = next(work.glob("yahboomd-*.whl"))
     site = stage / HOME / f"lib/python{_dotted(python)}/site-packages"
-    _run(
-        *pip, "install", "--no-compile", "--only-binary=:all:", "--target", str(site),
-        f"{wheel}[{EXTRAS}]",
-    )  # fmt: skip
-    # These scripts start the build machine's Python; the needed one is written below.
-    shutil.rmtree(site / "bin", ignore_errors=True)
-    # Man pages and completions go to the folders of man and the shells.
-    shutil.rmtree(site / "share", ignore_errors=True)
+    pinned = ["--require-hashes", "--only-binary=:all:", "-r", str(HERE / "bundled.txt")]
+    for what in ([*pinned, *_wheels_for(architecture, python)], [str(wheel)]):
+        _run(*pip, "install", "--no-deps", "--no-compile", "--target", str(site), *what)
+        # These scripts start the build machine's Python; the needed one is written below.
+        shutil.rmtree(site / "bin", ignore_errors=True)
+        # Man pages and completions go to the folders of man and the shells.
+        shutil.rmtree(site / "share", ignore_errors=True)
     for leftover in site.rglob("direct_url.json"):
         # It contains the folder in which the wheel was built.
         leftover.unlink()
@@ -97,10 +113,10 @@ def _environment(work: Path, stage: Path, python: tuple[int, int]) -> str:
         path.chmod(0o755 if path.is_dir() else 0o644)
         if path.suffix == ".py" and path.read_bytes().startswith(b"#!"):
             path.write_bytes(b"#" + path.read_bytes()[2:])
-    if shutil.which("strip"):
+    if strip := shutil.which(f"{WHEELS[architecture]}-linux-gnu-strip"):
         # Libraries inside a wheel were patched, and cannot be loaded once stripped.
         ours = [each for each in site.rglob("*.so") if not each.parent.name.endswith(".libs")]
-        _run("strip", "--strip-unneeded", *map(str, sorted(ours)))
+        _run(strip, "--strip-unneeded", *map(str, sorted(ours)))
     programs = stage / HOME / "bin"
     programs.mkdir()
     (programs / "python3").symlink_to(f"/usr/bin/python{_dotted(python)}")
@@ -115,6 +131,20 @@ def _environment(work: Path, stage: Path, python: tuple[int, int]) -> str:
         executable=True,
     )
     return wheel.name.split("-")[1]
+
+
+def _wheels_for(architecture: str, python: tuple[int, int]) -> list[str]:
+    """Options by which pip takes the wheels of a processor, whichever this one is."""
+    newest = int(platform.libc_ver()[1].split(".")[1])
+    machine = WHEELS[architecture]
+    platforms = [f"manylinux_2_{libc}_{machine}" for libc in range(newest, 16, -1)]
+    platforms.append(f"manylinux2014_{machine}")
+    interpreter = f"cp{python[0]}{python[1]}"
+    return [
+        *(f"--platform={each}" for each in platforms),
+        *(f"--abi={each}" for each in (interpreter, "abi3", "none")),
+        *("--implementation=cp", f"--python-version={_dotted(python)}"),
+    ]
 
 
 def list_what_is_packed(site: Path) -> None:
@@ -216,6 +246,10 @@ def _control(
     for name in ("preinst", "postinst", "prerm", "postrm"):
         text = (HERE / name).read_text().replace("@VERSION@", version)
         _write(folder / name, text, executable=True)
+    _sums(stage)
+
+
+def _sums(stage: Path) -> None:
     sums = [
         f"{hashlib.md5(path.read_bytes(), usedforsecurity=False).hexdigest()}  "
         f"{path.relative_to(stage)}\n"
@@ -224,7 +258,7 @@ def _control(
         and not path.is_symlink()
         and path.parts[len(stage.parts)] not in {"DEBIAN", "etc"}
     ]
-    _write(folder / "md5sums", "".join(sums))
+    _write(stage / "DEBIAN/md5sums", "".join(sums))
 
 
 def _os_release() -> dict[str, str]:
