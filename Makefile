@@ -207,7 +207,7 @@ picture: $(VENV)/.dev ## drive the simulated robot, and draw docs/images/path.pn
 	$(PY) make/picture.py $(ARGS)
 
 ##@ Package and system
-.PHONY: deb site release system-test plug-test
+.PHONY: arm bundled deb site release system-test plug-test
 deb: ## build the Debian package for this machine's distribution, into dist/
 	@$(PYTHON) packaging/build_deb.py $(ARGS)
 
@@ -225,11 +225,18 @@ $(VENV)/.release: pyproject.toml make/bootstrap.py
 release: $(VENV)/.release ## all that a release publishes, built twice, judged and tried, into dist/ (docs/release.md; ARGS=--no-deb)
 	@exec $(PY) make/release.py $(ARGS)
 
+bundled: $(VENV)/.release ## pin what the Debian package bundles anew, with hashes: packaging/bundled.txt
+	@$(VENV)/bin/uv pip compile -q --upgrade --universal --python-version 3.11 --generate-hashes --no-annotate \
+	  --custom-compile-command 'make bundled' --extra monitor --extra web pyproject.toml -o packaging/bundled.txt
+
 system-test: $(VENV)/.dev ## the installed service under a real systemd, in a container (root; SUITE=trixie, SHORT=1, OLDER=REVISION)
 	@$(PY) make/system_test.py $(if $(SUITE),--suite $(SUITE)) $(if $(SHORT),--short --if-possible) $(if $(OLDER),--older $(OLDER)) $(ARGS)
 
 plug-test: $(VENV)/.dev ## what plugging a board in does, on a real kernel in an emulated PC (root; five minutes)
 	@$(PY) make/plug_test.py $(if $(SUITE),--suite $(SUITE)) $(ARGS)
+
+arm: $(VENV)/.dev ## the arm64 package in an emulated computer with its own kernel and systemd (root; SUITE=trixie; a quarter of an hour)
+	@$(PY) make/arm.py $(if $(SUITE),--suite $(SUITE)) $(ARGS)
 
 ##@ Tidy
 .PHONY: clean

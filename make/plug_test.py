@@ -22,7 +22,6 @@ import system_test
 from system_test import TREE, Impossible
 
 PATIENCE_S = 1200
-KERNEL = "linux-image-amd64 initramfs-tools"
 TOOLS = {"qemu-system-x86_64": "qemu-system-x86", "mke2fs": "e2fsprogs"}
 
 SETUP = r"""
@@ -61,64 +60,94 @@ def main() -> int:
         cache = system_test.prepare_cache()
         system_test.install_tools()
         root = system_test.make_root(cache, args.suite)
-        package = system_test.build_package(cache, root)
-        bootable = _with_kernel(cache, root)
+        package = system_test.build_package(TREE, cache / f"packages-{root.name}", root)
+        bootable = with_kernel(cache, root, "linux-image-amd64")
     except Impossible as why:
         sys.stderr.write(f"plug-test: not run: {why}\n")
         return 1
     with tempfile.TemporaryDirectory(dir=cache, prefix=".plug-") as folder:
-        said = _boot(Path(folder), bootable, package)
+        here = TREE / "tests/system/plug"
+        said = boot(
+            *(Path(folder), bootable, package, SETUP),
+            [here / "usbip_ch340.py", here / "check.py"],
+            ["qemu-system-x86_64", "-M", "q35"],
+            "ttyS0",
+        )
+    return judge(said)
+
+
+def judge(said: str) -> int:
+    """Print the claims, or all that the console said if they do not all hold."""
     claims = [line for line in said.splitlines() if line.startswith(("ok:", "FAILED:"))]
     good = bool(claims) and all(line.startswith("ok:") for line in claims) and "\nend" in said
     print("\n".join(claims) if good else said)
-    print(f"plug-test: {len(claims)} claims, {'all hold' if good else 'NOT all hold'}")
+    print(f"{len(claims)} claims, {'all hold' if good else 'NOT all hold'}")
     return 0 if good else 1
 
 
-def _with_kernel(cache: Path, root: Path) -> Path:
-    """A copy of the Debian, with a kernel; made once."""
+def with_kernel(cache: Path, root: Path, kernel: str) -> Path:
+    """A copy of a Debian, with a kernel; made once."""
     bootable = cache / f"{root.name}-kernel"
     if not bootable.exists():
-        print(f"plug-test: installing a kernel into {bootable} (a minute, once)", flush=True)
+        print(f"installing a kernel into {bootable} (a minute, once)", flush=True)
         half = cache / f".{root.name}-kernel"
         shutil.rmtree(half, ignore_errors=True)
         subprocess.check_call(["cp", "-a", str(root), str(half)])
-        command = f"apt-get update -qq && apt-get install -y -qq --no-install-recommends {KERNEL}"
+        install = "apt-get install -y -qq --no-install-recommends initramfs-tools"
+        command = f"apt-get update -qq && {install} {kernel}"
         if _inside(half, f"export DEBIAN_FRONTEND=noninteractive; {command}") != 0:
             raise Impossible("the kernel could not be installed; see above.")
         half.rename(bootable)
     return bootable
 
 
-def _boot(folder: Path, bootable: Path, package: Path) -> str:
-    """Boot a copy, and return its console output."""
+def boot(
+    folder: Path,
+    bootable: Path,
+    package: Path,
+    setup: str,
+    files: list[Path],
+    computer: list[str],
+    console: str,
+) -> str:
+    """Boot a copy of a Debian with the package in it; the words of its console.
+
+    Args:
+        folder: For the copy.
+        bootable: The Debian, with a kernel.
+        package: Installed from /run/packages by ``setup``.
+        setup: A shell script that prepares the copy.
+        files: Copied to /root.
+        computer: The emulator's command, and which computer it is to be.
+        console: The name of its serial port.
+    """
     root = folder / "root"
     subprocess.check_call(["cp", "-a", str(bootable), str(root)])
-    for name in ("usbip_ch340.py", "check.py"):
-        shutil.copy(TREE / "tests/system/plug" / name, root / "root" / name)
-    (root / "root/setup.sh").write_text(SETUP)
+    for file in files:
+        shutil.copy(file, root / "root" / file.name)
+    (root / "root/setup.sh").write_text(setup)
     if _inside(root, "sh /root/setup.sh", f"--bind-ro={package.parent}:/run/packages") != 0:
-        raise SystemExit("plug-test: the package could not be installed; see above.")
-    image, console = folder / "disk", folder / "console"
+        raise SystemExit("the package could not be installed; see above.")
+    image, words = folder / "disk", folder / "console"
     with image.open("wb") as disk:
         disk.truncate(2 * 2**30)
     subprocess.check_call(["mke2fs", "-q", "-t", "ext4", "-d", str(root), str(image)])
     kernel = next((root / "boot").glob("vmlinuz-*"))
     initrd = next((root / "boot").glob("initrd.img-*"))
-    print("plug-test: booting (some minutes)", flush=True)
+    print("booting (some minutes)", flush=True)
     subprocess.run(
         [
-            *("qemu-system-x86_64", "-M", "q35", "-m", "1024", "-smp", "2", "-nic", "none"),
-            *("-no-reboot", "-display", "none", "-monitor", "none", "-serial", f"file:{console}"),
+            *(*computer, "-m", "1024", "-smp", "2", "-nic", "none"),
+            *("-no-reboot", "-display", "none", "-monitor", "none", "-serial", f"file:{words}"),
             *("-kernel", str(kernel), "-initrd", str(initrd)),
-            *("-append", "root=/dev/vda rw console=ttyS0 quiet loglevel=3"),
+            *("-append", f"root=/dev/vda rw console={console} quiet loglevel=3"),
             *("-drive", f"file={image},if=virtio,format=raw"),
         ],
         stdin=subprocess.DEVNULL,
         timeout=PATIENCE_S,
         check=False,
     )
-    return console.read_text(errors="replace").replace("\r", "")
+    return words.read_text(errors="replace").replace("\r", "")
 
 
 def _inside(root: Path, words: str, *options: str) -> int:

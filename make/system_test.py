@@ -94,7 +94,8 @@ def install_tools() -> None:
         raise Impossible(f"apt could not install {', '.join(missing)}; its words are above.")
 
 
-def make_root(cache: Path, suite: str) -> Path:
+def make_root(cache: Path, suite: str, *options: str) -> Path:
+    """A Debian, made once; ``options`` of debootstrap, such as another processor."""
     root = cache / suite
     if root.exists():
         return root
@@ -108,6 +109,7 @@ def make_root(cache: Path, suite: str) -> Path:
                 [
                     "debootstrap",
                     "--variant=minbase",
+                    *options,
                     f"--include={INCLUDE}",
                     suite,
                     str(half),
@@ -133,8 +135,9 @@ def build_older(cache: Path, root: Path, revision: str) -> Path:
         return build_package(Path(folder), cache / f"older-{root.name}", root)
 
 
-def build_package(tree: Path, output: Path, root: Path) -> Path:
-    print("system-test: building the Debian package", flush=True)
+def build_package(tree: Path, output: Path, root: Path, *options: str) -> Path:
+    """Build a tree's package on the release of a root; ``options`` of packaging/build_deb.py."""
+    print("building the Debian package", flush=True)
     shutil.rmtree(output, ignore_errors=True)
     output.mkdir()
     if _release(Path("/")) == _release(root):
@@ -144,17 +147,18 @@ def build_package(tree: Path, output: Path, root: Path) -> Path:
             "--quick",
             "--output",
             str(output),
+            *options,
         ]
         status = subprocess.call(command, cwd=tree)
     else:
-        status = _build_inside(tree, root, output)
+        status = _build_inside(tree, root, output, *options)
     built = sorted(output.glob("*.deb"))
     if status != 0 or not built:
-        sys.exit("system-test: the package could not be built; see above.")
+        sys.exit("the package could not be built; see above.")
     return built[0]
 
 
-def _build_inside(tree: Path, root: Path, output: Path) -> int:
+def _build_inside(tree: Path, root: Path, output: Path, *options: str) -> int:
     """Build in the booted distribution, with this machine's network and certificates."""
     certificates = "/etc/ssl/certs/ca-certificates.crt"
     trusted = ()
@@ -167,6 +171,7 @@ def _build_inside(tree: Path, root: Path, output: Path) -> int:
             *("--register=no", "--keep-unit", "--pipe", "--resolv-conf=copy-host", *trusted),
             *(f"--bind-ro={tree}:/src", f"--bind={output}:/out"),
             *("python3", "/src/packaging/build_deb.py", "--quick", "--output", "/out"),
+            *options,
         ],
         stdin=subprocess.DEVNULL,
     )

@@ -3,8 +3,9 @@
     python3 packaging/build_deb.py [--output FOLDER] [--architecture arm64]
 
 The package carries its dependencies, the versions of bundled.txt, in a virtual environment under
-/opt/yahboomd, made for the distribution's own Python. It is assembled file by file rather than copied from a venv, so that it
-contains no path of the building machine. Needs dpkg-deb, and python3-venv of the distribution.
+/opt/yahboomd, made for the distribution's own Python. It is assembled file by file rather than
+copied from a venv, so that it contains no path of the building machine. Needs dpkg-deb, and
+python3-venv of the distribution.
 """
 
 from __future__ import annotations

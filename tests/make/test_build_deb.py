@@ -7,10 +7,12 @@ import os
 import re
 import shutil
 import subprocess
+import tomllib
 from pathlib import Path
 from types import ModuleType
 
 import pytest
+from packaging.requirements import Requirement
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGING = ROOT / "packaging"
@@ -89,3 +91,45 @@ def test_an_older_package_is_refused_while_the_emergency_stop_is_engaged(
     assert done.returncode == refused
     assert (str(file) in done.stderr) == refused
     assert ("yahboomd stop --release" in done.stderr) == refused
+
+
+def test_the_pinned_packages_are_those_that_the_project_asks_for() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    wanted = [*project["dependencies"], *extras["monitor"], *extras["web"]]
+    pinned = [
+        Requirement(line.removesuffix("\\"))
+        for line in (PACKAGING / "bundled.txt").read_text().splitlines()
+        if line[:1].isalpha()
+    ]
+    for python in ("3.11", "3.12", "3.13", "3.14"):
+        environment = {"python_version": python, "python_full_version": f"{python}.0"}
+        there = {
+            each.name: next(iter(each.specifier)).version
+            for each in pinned
+            if each.marker is None or each.marker.evaluate(environment)
+        }
+        for each in map(Requirement, wanted):
+            if each.marker is None or each.marker.evaluate(environment):
+                assert each.specifier.contains(there[each.name]), each
+
+
+def test_pip_takes_the_wheels_of_the_other_processor() -> None:
+    options = build_deb()._wheels_for("arm64", (3, 11))
+    assert "--platform=manylinux2014_aarch64" in options
+    assert "--platform=manylinux_2_17_aarch64" in options
+    assert not [each for each in options if "x86_64" in each]
+    assert {"--abi=cp311", "--abi=abi3", "--abi=none", "--python-version=3.11"} <= set(options)
+
+
+@pytest.mark.skipif(not shutil.which("lintian"), reason="there is no lintian on this machine")
+def test_lintian_judges_our_own_files_alone(tmp_path: Path) -> None:
+    site = tmp_path / "stage/opt/yahboomd/lib/python3.11/site-packages"
+    for name in ("yahboomd", "numpy", "yahboomd-1.dist-info"):
+        (site / name).mkdir(parents=True)
+    control = tmp_path / "stage/DEBIAN/control"
+    control.parent.mkdir()
+    control.write_text("Package: yahboomd\nVersion: 1\n")
+    with pytest.raises(SystemExit):
+        build_deb()._judge(tmp_path / "stage", tmp_path / "ours.deb")
+    assert sorted(each.name for each in site.iterdir()) == ["yahboomd", "yahboomd-1.dist-info"]
