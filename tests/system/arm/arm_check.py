@@ -82,11 +82,16 @@ def drive() -> None:
     claim("commands turn the wheels", lambda: speed_m_s() > 0.25)
 
 
+def stood_ns(since_ns: int) -> int | None:
+    """The first moment at which the wheels stood, after a given one."""
+    later = (each for each in read_truth(TRUTH) if each.t_ns >= since_ns)
+    return next((each.t_ns for each in later if max(map(abs, each.speed_m_s)) < 0.03), None)
+
+
 def stand(what: str, since_ns: int) -> None:
-    claim(f"{what}: the wheels stand", lambda: speed_m_s() < 0.03)
-    still = [each for each in read_truth(TRUTH) if each.t_ns >= since_ns]
-    first = next(each for each in still if max(map(abs, each.speed_m_s)) < 0.03)
-    figure(what, (first.t_ns - since_ns) / 1e6, "ms to standing wheels")
+    claim(f"{what}: the wheels stand", lambda: stood_ns(since_ns))
+    if (at_ns := stood_ns(since_ns)) is not None:
+        figure(what, (at_ns - since_ns) / 1e6, "ms to standing wheels")
 
 
 def sandbox() -> None:
@@ -115,16 +120,10 @@ def stops() -> None:
     killed = show("MainPID")
     now_ns = time.monotonic_ns()
     os.kill(int(killed), signal.SIGKILL)
-    # It drives again as soon as it is back, so the wheels may stand for a moment only.
     claim("after SIGKILL another process serves", lambda: show("MainPID") not in {killed, "0"})
     claim("which drives", lambda: says("driving"))
-    stood = [
-        each
-        for each in read_truth(TRUTH)
-        if each.t_ns >= now_ns and max(map(abs, each.speed_m_s)) < 0.03
-    ]
-    claim("the wheels stood in between", lambda: stood)
-    figure("SIGKILL", (stood[0].t_ns - now_ns) / 1e6, "ms to standing wheels")
+    # Standing in between: it drives again as soon as it is back.
+    stand("SIGKILL", now_ns)
     claim("it drives at full speed", lambda: speed_m_s() > 0.25)
 
     now_ns = time.monotonic_ns()
