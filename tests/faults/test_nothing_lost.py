@@ -105,6 +105,29 @@ async def test_a_replug_keeps_the_pose_near_zero_too_where_the_stream_ran_on(
         assert_covariance_grows(bench.heard.estimates)
 
 
+@on_virtual_time
+async def test_where_a_reset_is_possible_the_pose_holds_and_an_event_says_what_is_unknown(
+    tmp_path: Path,
+) -> None:
+    async with robot(tmp_path, dialect="polled", initial_ticks=NEAR_ZERO) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.3)
+        before = bench.heard.estimates[-1]
+        bench.do("unplug 1")
+        await asyncio.sleep(4.0)
+        after = bench.heard.estimates[-1]
+        event = next(e for e in bench.heard.events if e.kind == "odometry_discontinuity")
+        assert event.data is not None
+        assert event.data["cause"] == "gap_lost"
+        assert "The pose holds" in event.message
+        assert math.hypot(after.pose.x - before.pose.x, after.pose.y - before.pose.y) < 0.05
+        lost_m = error_m(bench, after)
+        assert 0.1 < lost_m < unknown_m(bench)
+        # Three standard deviations of the published pose cover the lost travel.
+        assert 3.0 * math.sqrt(after.pose_covariance[0]) > lost_m
+        assert_no_jump(bench.heard.estimates)
+
+
 @pytest.mark.parametrize("again_s", [None, 0.0, 0.002, 0.004, 0.01, 0.05, 0.3])
 @pytest.mark.parametrize("fault", ["reset", "brown-out 0.05"])
 @on_virtual_time
