@@ -6,6 +6,7 @@ And a session that stands where yahboomd stands, for what its design takes for g
 import json
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +15,18 @@ from typing import Any
 import pytest
 import zenoh
 from real_robot import RealRobot
-from ros_peers import HERE, Bridge, Event, Peer, built, ros_node, start_peer, until
+from ros_peers import (
+    HERE,
+    Bridge,
+    Event,
+    Peer,
+    built,
+    hears,
+    ros_node,
+    sdk,
+    start_peer,
+    until,
+)
 from zenoh_fixtures import free_endpoint
 
 from yahboomd.ros2.messages import ros2_encoders, ros2_names
@@ -266,6 +278,32 @@ def start_native_node(router: Router, tmp_path: Path) -> Iterator[Callable[..., 
             peer = start_peer([str(built("native")), endpoint, "0"], log)
             stack.callback(peer.close)
             return peer
+
+        yield start
+
+
+@pytest.fixture
+def start_pair(tmp_path: Path) -> Iterator[Callable[[str], Callable[[str], None]]]:
+    """Starts two foreign nodes that talk in the graph of an endpoint: ``talk = start_pair(it)``,
+    and each hears what the other says at ``talk("now")``."""
+    with ExitStack() as stack:
+
+        def start(endpoint: str) -> Callable[[str], None]:
+            def join(name: str) -> Peer:
+                log = tmp_path / f"{name}_{time.monotonic_ns()}.log"
+                peer = start_peer(sdk(endpoint, name), log)
+                stack.callback(peer.close)
+                return peer
+
+            with ThreadPoolExecutor(2) as pool:
+                one, two = pool.map(join, ("one", "two"))
+
+            def talk(when: str) -> None:
+                hears(two, one, f"one {when}")
+                hears(one, two, f"two {when}")
+
+            talk("at first")
+            return talk
 
         yield start
 

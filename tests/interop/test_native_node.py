@@ -1,4 +1,7 @@
-"""A real node that speaks rmw_zenoh's protocol, beside us on one router, without any bridge."""
+"""A real node that speaks rmw_zenoh's protocol, beside us on one router, without any bridge.
+
+What is read here are bytes: one node does. That nodes meet is seen in test_native_pairs.py.
+"""
 
 import threading
 import time

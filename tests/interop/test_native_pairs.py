@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 from real_robot import Client, RealRobot, wait_for
-from ros_peers import HERE, Peer, built, start_peer
+from ros_peers import HERE, Peer, built, hears, sdk, start_peer
 
 from benchmarks.rig import share_of_core, usage
 
@@ -24,10 +24,6 @@ pytestmark = pytest.mark.realtime
 NATIVE = ["--set", "ros2.rmw_zenoh=true", "--set", "ros2.bridge=false"]
 CROWD = 30
 ESTABLISHED = "01"
-
-
-def sdk(endpoint: str, name: str) -> list[str]:
-    return [str(built("sdk")), str(HERE / "sdk_node.py"), endpoint, "0", name]
 
 
 def rclpy(endpoint: str, name: str) -> list[str]:
@@ -59,11 +55,6 @@ def natively(real_robot: Callable[..., RealRobot]) -> RealRobot:
     return robot
 
 
-def heard(event: dict[str, object]) -> object:
-    message = event["message"]
-    return message["data"] if isinstance(message, dict) else message
-
-
 def connections_out(robot: RealRobot) -> list[str]:
     """The remote ends of the daemon's connections that it did not accept at its own port."""
     pid, port = robot.daemon.process.pid, int(robot.endpoint.rpartition(":")[2])
@@ -82,16 +73,6 @@ def remaps(namespace: str) -> list[str]:
     """The absolute topics of ros_node.py, in a robot's namespace."""
     names = ("/odom", "/estopped", "/tf", "/tf_static", "/cmd_vel", "/yahboomd/estop")
     return [part for name in names for part in ("-r", f"{name}:=/{namespace}{name}")]
-
-
-def hears(listener: Peer, talker: Peer, text: str) -> None:
-    """The one hears what the other says, if it says it often enough to be found."""
-
-    def found() -> bool:
-        talker.order("talk", text=text)
-        return any(e.get("topic") == "/chatter" and heard(e) == text for e in list(listener.events))
-
-    wait_for(found, f"{text} to be heard")
 
 
 @pytest.mark.parametrize("node", [sdk, rclpy])

@@ -123,7 +123,9 @@ def test_each_press_and_each_pose_of_a_fresh_process_of_ros_2_arrives(scene):
             assert None not in waits
 
 
-def test_each_call_of_a_fresh_native_process_engages_and_releases(robot, start_native_node):
+def test_each_call_of_a_fresh_native_process_engages_and_releases(
+    robot, start_native_node, start_pair
+):
     def use(driven):
         for _ in range(PRESSES):
             node = start_native_node(driven.endpoint)
@@ -134,8 +136,10 @@ def test_each_call_of_a_fresh_native_process_engages_and_releases(robot, start_n
 
     settings = ("ros2.bridge=false", "ros2.rmw_zenoh=true")
     robots = [robot(free_endpoint(), *settings) for _ in range(2)]
+    talk = start_pair(robots[0].endpoint)
     with ThreadPoolExecutor(len(robots)) as pool:
         list(pool.map(use, robots))
+    talk("after the presses")
     for driven in robots:
         with closing(Client("client", driven.endpoint)) as client:
             command = client.latest("status")["command"]

@@ -209,13 +209,14 @@ def test_robots_behind_one_bridge_are_distinguished_by_their_namespaces(
 
 
 def test_a_native_node_drives_without_a_bridge_and_sees_it(
-    router, native_node, start_native_node, robot
+    router, native_node, start_native_node, start_pair, robot
 ):
-    onlooker = start_native_node()
+    onlooker, talk = start_native_node(), start_pair(router.endpoint)
     driven = robot(router.endpoint, "ros2.bridge=false", "ros2.rmw_zenoh=true")
     sees_the_robot_move(native_node, driven)
     is_stopped_and_released(native_node)
     assert laser_of(native_node) == "laser"
+    talk("beside the robot")
     for topic in ("/odom", "/tf", "/joint_states"):
         heard = [event for event in list(onlooker.events) if event.get("topic") == topic]
         numbers = [event["attachment"]["sequence"] for event in heard]
@@ -243,8 +244,9 @@ def test_native_nodes_need_no_router(start_native_node, robot, tmp_path, request
 
 
 def test_the_node_shows_in_a_native_graph_with_all_that_it_has(
-    router, native_node, robot, eventually
+    router, native_node, start_pair, robot, eventually
 ):
+    talk = start_pair(router.endpoint)
     robot(router.endpoint, "ros2.rmw_zenoh=true", "zenoh.namespace=bot1")
 
     def seen():
@@ -256,6 +258,8 @@ def test_the_node_shows_in_a_native_graph_with_all_that_it_has(
 
     graph = eventually(seen, "our services and topics")
     assert {"name": "yahboomd", "namespace": "/bot1"} in graph["nodes"]
+    talk("beside the robot")
+    assert {each["name"] for each in graph["nodes"]} >= {"native_peer", "one", "two"}
     topics = {topic["name"]: topic for topic in graph["topics"]}
     for topic, ros_type in OUT.items():
         assert topics[f"/bot1{topic}"]["type"] == ros2_names.dds_type(ros_type)
@@ -263,7 +267,11 @@ def test_the_node_shows_in_a_native_graph_with_all_that_it_has(
     assert all(topics[f"/bot1{topic}"]["subscribers"] == 1 for topic in IN)
 
 
-def test_a_native_node_that_starts_late_gets_the_static_frames(router, start_native_node, robot):
+def test_a_native_node_that_starts_late_gets_the_static_frames(
+    router, start_native_node, start_pair, robot
+):
     robot(router.endpoint, "ros2.rmw_zenoh=true")
+    talk = start_pair(router.endpoint)
     for _ in range(2):
         assert laser_of(start_native_node()) == "laser"
+    talk("beside those that came late")

@@ -186,6 +186,26 @@ def ros_node(distro: str, domain: int, *consumers: str) -> list[str]:
     return [str(python), str(HERE / "ros_node.py"), str(domain), *consumers]
 
 
+def sdk(endpoint: str, name: str) -> list[str]:
+    """The command of a node of zenoh-ros2-sdk in domain 0 of what listens at an endpoint."""
+    return [str(built("sdk")), str(HERE / "sdk_node.py"), endpoint, "0", name]
+
+
+def hears(listener: Peer, talker: Peer, text: str) -> None:
+    """The one hears what the other says, if it says it often enough to be found."""
+
+    def said(event: Event) -> bool:
+        message = event.get("message")
+        text_of_it = message["data"] if isinstance(message, dict) else message
+        return event.get("topic") == "/chatter" and text_of_it == text
+
+    def found() -> bool:
+        talker.order("talk", text=text)
+        return any(map(said, list(listener.events)))
+
+    until(found, f"{text} to be heard")
+
+
 def start_peer(command: list[str], log: Path, environ: dict[str, str] | None = None) -> Peer:
     with log.open("w") as stderr:
         process = subprocess.Popen(
