@@ -12,9 +12,11 @@ from zenoh_fixtures import eventually
 
 from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 from yahboomd.web.camera_feed import (
+    AT_ONCE,
     HEAD_S,
     LONGEST_PAUSE_S,
     MOST_PICTURES,
+    MOST_PIECES,
     PAUSE_S,
     PICTURE_S,
     CameraFeed,
@@ -120,7 +122,19 @@ def head(status: str = "200 OK", kind: str = "multipart/x-mixed-replace; boundar
     return f"HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nLocation: http://x/\r\n\r\n".encode()
 
 
+def chunked(content: bytes) -> bytes:
+    """A part of it, each byte of its picture in a chunk of its own."""
+    begin = f"--{BOUNDARY}\r\n\r\n".encode()
+    first = f"{len(begin):x}\r\n".encode() + begin + b"\r\n"
+    return first + b"".join(b"1\r\n%c\r\n" % each for each in content)
+
+
+CHUNKS = head().replace(b"\r\n\r\n", b"\r\nTransfer-Encoding: chunked\r\n\r\n")
+
 HOSTILE = [
+    pytest.param(
+        CHUNKS + chunked(b"x" * 2 * MOST_PIECES), "flood", "make them larger", id="chunks"
+    ),
     pytest.param(head("302 Found"), "redirect", "is not followed", id="redirect"),
     pytest.param(head("401 Unauthorized"), "refused", "wants a password", id="password"),
     pytest.param(head("404 Not Found"), "refused", "status 404", id="not-found"),
@@ -162,6 +176,21 @@ async def test_a_hostile_camera_is_cut_off_counted_and_asked_again(
         camera.lines[-1].send(part(jpeg(7)))
         await eventually(lambda: feed.problem == "")
         assert feed.newest is not None
+
+
+@on_virtual_time
+async def test_between_small_chunks_the_pages_have_their_turn() -> None:
+    """Else they would get no beats, and the robot could not be driven."""
+    camera = CameraInMemory(greeting=CHUNKS)
+    async with looked_at(camera) as feed:
+        await eventually(lambda: camera.lines)
+        turns = 0
+        camera.lines[0].send(chunked(jpeg(b"x" * 2000) + f"--{BOUNDARY}\r\n".encode()))
+        while feed.newest is None:
+            await asyncio.sleep(0)
+            turns += 1
+        assert turns >= 2000 // AT_ONCE
+        assert feed.problem == ""
 
 
 @on_virtual_time

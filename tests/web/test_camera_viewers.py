@@ -174,6 +174,16 @@ async def test_the_counts_are_answered_at_once_and_cost_no_picture() -> None:
 
 
 @on_virtual_time
+async def test_a_page_that_asks_for_counts_without_end_delays_no_commands() -> None:
+    async with Stage() as stage:
+        page = await stage.page()
+        for _ in range(1000):
+            page.ask(camera_viewers.COUNTS)
+        await asyncio.sleep(20.5 * camera_viewers.COUNTS_S)
+        assert len(page.sent) <= 22
+
+
+@on_virtual_time
 async def test_a_page_whose_session_ends_gets_no_further_picture() -> None:
     async with Stage() as stage:
         page = await stage.page()

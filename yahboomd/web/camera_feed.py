@@ -35,6 +35,13 @@ MOST_PICTURES = 120
 MOST_BYTES = 32_000_000
 """In a second. More is refused: reading slower would make pictures older than they seem."""
 
+MOST_PIECES = 4000
+"""The most chunks in a second besides the first of each read; chunks of one byte kept the server
+busy for seconds."""
+
+AT_ONCE = 50
+"""After this number of them the pages have their turn."""
+
 REPEATS_NS = 1_000_000_000
 """The time after which a repeated picture is reported."""
 
@@ -190,7 +197,7 @@ class CameraFeed:
                 parts = MjpegParts(_boundary(await _event(http, reader)))
                 patience.reschedule(loop.time() + PICTURE_S)
                 rate = _Rate()
-                while isinstance(event := await _event(http, reader), h11.Data):
+                while isinstance(event := await _event(http, reader, rate), h11.Data):
                     pictures = parts.feed(event.data)
                     unusable, parts.unusable = parts.unusable, 0
                     self.counts["unusable"] += unusable
@@ -224,13 +231,23 @@ class _Rate:
 
     def __init__(self) -> None:
         self._since_s = 0.0
-        self._pictures = self._bytes = 0
+        self._pictures = self._bytes = self._pieces = 0
+
+    async def piece(self) -> None:
+        """Count a chunk that came with the one before."""
+        self._pieces += 1
+        if self._pieces % AT_ONCE == 0:
+            await asyncio.sleep(0)
 
     def count(self, now_s: float, pictures: int, size: int) -> None:
         if now_s - self._since_s >= 1.0:
-            self._since_s, self._pictures, self._bytes = now_s, 0, 0
+            self._since_s, self._pictures, self._bytes, self._pieces = now_s, 0, 0, 0
         self._pictures += pictures
         self._bytes += size
+        if self._pieces > MOST_PIECES:
+            raise CameraRefusal(
+                "flood", f"sends more than {MOST_PIECES} chunks in a second: make them larger"
+            )
         if self._pictures > MOST_PICTURES or self._bytes > MOST_BYTES:
             raise CameraRefusal(
                 "flood",
@@ -246,11 +263,16 @@ async def _open(host: str, port: int) -> Streams:
     return reader, writer
 
 
-async def _event(http: h11.Connection, reader: asyncio.StreamReader) -> object:
-    while (event := http.next_event()) is h11.NEED_DATA:
+async def _event(
+    http: h11.Connection, reader: asyncio.StreamReader, rate: _Rate | None = None
+) -> object:
+    if (event := http.next_event()) is not h11.NEED_DATA and rate is not None:
+        await rate.piece()
+    while event is h11.NEED_DATA:
         if not (data := await reader.read(CHUNK_BYTES)):
             raise _closed()
         http.receive_data(data)
+        event = http.next_event()
     return event
 
 

@@ -30,6 +30,9 @@ IDLE_S = 10.0
 COUNTS = "counts"
 """The question for the counts; every other one is for a picture."""
 
+COUNTS_S = 0.05
+"""The pause after counts: three pages that asked for them without end delayed commands by 0.3 s."""
+
 HEAD = struct.Struct(">II")
 """Before each picture: the milliseconds since it arrived here, and those that the page waited."""
 
@@ -83,6 +86,8 @@ class CameraViewers:
                 await socket.send_text(
                     part("camera", problem=problem, counts=self._feed.counts).decode()
                 )
+                if question == COUNTS:
+                    await asyncio.sleep(COUNTS_S)
                 continue
             number, problem = picture.number, ""
             age_ns = self._feed.age_ns(picture)
