@@ -12,7 +12,8 @@ from websockets.exceptions import ConnectionClosed
 from zenoh_fixtures import eventually, free_endpoint
 
 from yahboomd.web import page_commands
-from yahboomd.web.page_hub import FULL, MAX_PAGES, MAX_VIEWERS, POLICY
+from yahboomd.web.page_frames import RequestFrame, Tool
+from yahboomd.web.page_hub import FULL, MAX_PAGES, MAX_VIEWERS, POLICY, SESSION_ENDED
 
 pytestmark = pytest.mark.realtime
 
@@ -230,6 +231,31 @@ async def test_a_drivers_page_without_control_changes_nothing_while_another_has_
     await other.one("control", page_driver=None, mine=False)
     await other.send(type="request", id=3, do="release")
     assert (await other.one("answer", id=3))["ok"]
+
+
+async def test_what_a_page_asked_in_the_instant_its_session_ended_is_not_done(
+    fake_daemon: Any, site: Any
+) -> None:
+    """A calibration would have begun, with control, for a page that is not there."""
+    daemon = await fake_daemon()
+    served = await site(daemon, phones=True)
+    watching = await served.page("driver", "Bert")
+    page = await served.page("driver", "Anne")
+    (known,) = (each for each in served.hub._pages.values() if each.name == "Anne")
+    for frame in (
+        Tool(id=1, do="calibrate", args={"verb": "squares", "choices": {}}),
+        RequestFrame(id=2, do="release"),
+    ):
+        served.hub._handle(known, frame)
+    asked = list(known.requests)
+    await served.sessions.end(known.phone)
+    await asyncio.gather(*asked, return_exceptions=True)
+    assert await page.close_code() == SESSION_ENDED
+    assert served.hub._commands.driver is None
+    assert served.hub.tools.calibration.page is None
+    assert daemon.asked == []
+    await watching.send(type="control", want=True, if_free=True)
+    await watching.one("control", mine=True)
 
 
 @pytest.mark.parametrize(("state", "why"), [("estopped", "estop"), ("fault", "fault")])

@@ -33,6 +33,12 @@ def test_a_name_keeps_letters_of_every_script_and_loses_all_that_commands_a_term
     assert len(clean_name("x" * 10_000)) == LONGEST
 
 
+@pytest.mark.parametrize("unseen", ["\ufe0f", "\u034f", "\u3164", "\u2800", "\uffa0", "\U000e0100"])
+def test_a_name_has_no_letters_and_marks_that_show_nothing(unseen: str) -> None:
+    assert clean_name(f"An{unseen}na{unseen}") == "Anna"
+    assert clean_name(unseen) == ""
+
+
 def test_names_that_people_would_confuse_are_taken() -> None:
     assert is_taken("anna", ["Anna"])
     assert is_taken("\uff21nna", ["Anna"])

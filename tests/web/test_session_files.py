@@ -49,6 +49,21 @@ def test_a_session_that_other_users_may_read_is_none(tmp_path: Path) -> None:
     assert read_stored(path) is None
 
 
+@pytest.mark.parametrize("number", ["", "3f9a2", "3f9a2cc", "3F9A2C", "\udcff<b>", "3f9a2c\n"])
+def test_a_file_without_a_number_in_its_name_is_no_session(tmp_path: Path, number: str) -> None:
+    """One of them left no phone in the list, because no answer could have its name."""
+    assert read_stored(store(tmp_path, number)) is None
+    assert list(stored_sessions(tmp_path)) == []
+
+
+@pytest.mark.parametrize("key", ["", "0" * 63, "\xe9" * 64, "0" * 64 + "\n"])
+def test_a_file_without_a_hash_is_no_session(tmp_path: Path, key: str) -> None:
+    """Text that is not ASCII cannot be compared with a cookie's hash."""
+    stored = msgspec.structs.replace(ANNE, key=key)
+    keep(tmp_path, f"{PREFIX}3f9a2c", msgspec.json.encode(stored))
+    assert read_stored(tmp_path / f"{PREFIX}3f9a2c") is None
+
+
 def test_the_last_use_never_goes_back(tmp_path: Path) -> None:
     """A computer without a battery for its clock starts in the past."""
     path = store(tmp_path)

@@ -327,6 +327,8 @@ class PageHub:
         return PageRefusal(why="not_calibrating", text=words) if words else None
 
     async def _use(self, page: PageSession, tool: Tool) -> None:
+        if page.ended.done():
+            return
         refusal = self._tool_refusal(page, tool)
         if refusal is None:
             done, words = await self.tools.use(page.number, tool)
@@ -363,6 +365,8 @@ class PageHub:
             self._begin(page, answer())
 
     async def _answer(self, page: PageSession, request: RequestFrame) -> None:
+        if page.ended.done():
+            return
         action = self._actions.get(request.do)
         if page.role != "driver":
             page.queue(_answered(request.id, ok=False, text=VIEWER.text))

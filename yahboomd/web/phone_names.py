@@ -20,6 +20,12 @@ KINDS = (
 )
 
 
+UNSEEN = frozenset("\u034f\u115f\u1160\u17b4\u17b5\u180b\u180c\u180d\u180f\u2800\u3164\uffa0") | {
+    chr(code) for each in ((0xFE00, 0xFE10), (0xE0100, 0xE01F0)) for code in range(*each)
+}
+"""Letters and marks that show nothing: with them two names could look the same."""
+
+
 def device(user_agent: str) -> str:
     """The kind of device, by the header that browsers send."""
     text = user_agent.lower()
@@ -27,8 +33,9 @@ def device(user_agent: str) -> str:
 
 
 def clean_name(text: str) -> str:
-    """A name without control characters, marks of direction and superfluous blanks."""
-    kept = (c if unicodedata.category(c)[0] in "LMNPSZ" else " " for c in text[: 4 * LONGEST])
+    """A name without control characters, marks of direction, unseen ones and superfluous blanks."""
+    seen = (c for c in text[: 4 * LONGEST] if c not in UNSEEN)
+    kept = (c if unicodedata.category(c)[0] in "LMNPSZ" else " " for c in seen)
     return " ".join("".join(kept).split())[:LONGEST].strip()
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -18,6 +19,9 @@ from yahboomd.web.entry_tokens import keep, read_private, use_up
 from yahboomd.web.page_frames import Role
 
 PREFIX = "web-session-"
+
+_NAME = re.compile(rf"{PREFIX}[0-9a-f]{{6}}")
+_KEY = re.compile(r"[0-9a-f]{64}")
 
 
 class StoredSession(msgspec.Struct, frozen=True, kw_only=True):
@@ -58,7 +62,9 @@ def end_stored(folder: Path, number: str) -> bool:
 
 def read_stored(path: Path) -> tuple[StoredSession, int] | None:
     """A session and its last use; None for a file that is no session, or that others can read."""
-    stored = read_private(path, StoredSession)
+    stored = read_private(path, StoredSession) if _NAME.fullmatch(path.name) else None
+    if stored is not None and not _KEY.fullmatch(stored.key):
+        return None
     try:
         return None if stored is None else (stored, path.lstat().st_mtime_ns)
     except OSError:
