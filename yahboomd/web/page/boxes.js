@@ -12,6 +12,7 @@ const SOON_MS = 3000; // A box is saved a second after the robot stopped.
 export function create({ live, connection }) {
   const save = el("button", { type: "button", onclick: () => saveNow() }, "Save the last minute now");
   const words = el("p", { role: "status" });
+  const state = el("p", { class: "note" }); // Apart: a list that is read again takes no answer away.
   const list = el("ul", { class: "files" });
   let shown = "";
   let soon = 0;
@@ -35,7 +36,7 @@ export function create({ live, connection }) {
       const rows = JSON.stringify(boxes.map(({ name, kind }) => [name, kind]));
       if (rows !== shown) list.replaceChildren(...boxes.map(row));
       shown = rows;
-      write(words, problem || (boxes.length ? "" : "There is none yet: nothing has stopped the robot for a reason."));
+      write(state, problem || (boxes.length ? "" : "There is none yet: nothing has stopped the robot for a reason."));
     } catch {
       // The next event asks again.
     }
@@ -80,7 +81,7 @@ export function create({ live, connection }) {
   const element = el(
     "section",
     { class: "boxes" },
-    el("div", { class: "card" }, el("h2", {}, "Why did it stop?"), el("p", { class: "note" }, "The last minute of the robot is kept, and saved when something stops it: an emergency stop, a fault, a lost board."), save, words),
+    el("div", { class: "card" }, el("h2", {}, "Why did it stop?"), el("p", { class: "note" }, "The last minute of the robot is kept, and saved when something stops it: an emergency stop, a fault, a lost board."), save, words, state),
     list,
   );
   return { element, show: read, hide: () => {} };
