@@ -102,8 +102,9 @@ class Peer:
     def _read(self) -> None:
         assert self.process.stdout is not None
         for line in self.process.stdout:
-            # One that is ended in the middle of a line leaves a part of it.
-            if line.endswith("\n"):
+            # One that is ended in the middle of a line leaves a part of it, and rmw_zenoh's library
+            # warns here too.
+            if line.startswith("{") and line.endswith("\n"):
                 with self.news:
                     self.events.append(json.loads(line))
                     self.news.notify_all()
