@@ -123,7 +123,7 @@ def test_b_of_a_gamepad_is_the_emergency_stop_and_start_releases_it(
         page.evaluate(tap % (button, "true"))
         page.says("#state", state)
         if button == 1:
-            page.says("#release", "Release the stop")
+            page.until("document.querySelector('#release').checkVisibility()")
         page.evaluate(tap % (button, "false"))
         page.evaluate(tap % (button, "false"))
 

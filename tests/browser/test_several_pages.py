@@ -62,7 +62,7 @@ def test_a_viewer_watches_and_stops_and_neither_drives_nor_releases(
         page.says("#estop-text", "Only the page that has control can release it")
         assert page.evaluate("document.querySelector('#release').hidden")
     with bench.page(url=driver) as page:
-        page.says("#release", "Release the stop")
+        page.until("document.querySelector('#release').checkVisibility()")
         page.click("#release")
         page.says("#state", "standing")
         bench.press(page)

@@ -13,7 +13,7 @@ pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser")]
 
 
 def release(bench: PageBench, page: Page) -> None:
-    page.says("#release", "Release the stop")
+    page.until("document.querySelector('#release').checkVisibility()")
     # The daemon refuses for a second after each command for motion, and after the last release.
     button = "document.querySelector('#release:not([hidden])')?.click()"
     wait_for(lambda: page.evaluate(button) or page.text("#state") == "standing", "it is released")

@@ -19,6 +19,9 @@ ON_ITS_SIDE, SMALL_ON_ITS_SIDE = (844, 390), (740, 360)
 WITH_PAD = ("map", "wheels", "health")
 """The views that stand beside the joystick on a phone on its side."""
 
+RELEASABLE = "document.querySelector('#release').checkVisibility()"
+"""The robot acknowledged the stop, and this page may release it."""
+
 
 def show(page: Page, view: str) -> None:
     page.evaluate(f"location.hash = '#{view}'")
@@ -136,7 +139,7 @@ def test_on_its_side_the_pad_is_whole_and_still_and_the_stop_is_pressed_in_every
         if not engaged:
             page.tap("#estop")
             page.says("#state", "emergency stop")
-            page.says("#release", "Release the stop")
+            page.until(RELEASABLE)
             assert "`" not in page.text("#why")
 
 
@@ -179,21 +182,43 @@ def test_pad_and_stop_change_sides_by_a_button_and_keep_them(bench: PageBench, p
     bench.stops_after(page.lift)
 
 
-@LONG
-@pytest.mark.parametrize("size", [PHONE, (768, 1024), DESKTOP])
-@pytest.mark.parametrize("percent", [100, 200])
-def test_neither_a_stop_nor_its_words_move_or_cover_the_pad(
+def sizes_of_text(page: Page) -> list[float]:
+    """Of the words, the release and the stop below every view, in pixels."""
+    found: list[float] = page.evaluate(
+        "['#estop-text', '#release', '#estop'].map((each) =>"
+        " parseFloat(getComputedStyle(document.querySelector(each)).fontSize))"
+    )
+    return found
+
+
+@pytest.mark.parametrize(
+    ("size", "percent"),
+    [
+        pytest.param(PHONE, 200, id="phone-200"),
+        *(
+            pytest.param(size, percent, id=f"{size[0]}-{percent}", marks=LONG)
+            for size in (PHONE, (768, 1024), DESKTOP)
+            for percent in (100, 200)
+            if (size, percent) != (PHONE, 200)
+        ),
+    ],
+)
+def test_neither_a_stop_nor_its_words_move_or_cover_the_pad_and_they_grow_with_the_text(
     bench: PageBench, page: Page, size: tuple[int, int], percent: int
 ) -> None:
     page.resize(*size, phone=size != DESKTOP)
+    usual = sizes_of_text(page)
     enlarge(page, percent)
     page.until("document.querySelector('.pad').clientWidth > 190")
     before = box(page, ".pad")
-    assert covered(page, ".pad") == []
+    assert covered(page, ".pad") == spills(page) == []
+    assert sizes_of_text(page) == pytest.approx([each * percent / 100 for each in usual])
     page.click("#estop")
-    page.says("#release", "Release the stop")
+    page.until(RELEASABLE)
     assert covered(page, ".pad") == covered(page, "#estop") == covered(page, "#release") == []
     assert not cut(page, "#estop")
+    assert not cut(page, "#release")
+    assert spills(page) == []
     assert box(page, ".pad") == pytest.approx(before, abs=1.0)
 
 
@@ -279,7 +304,15 @@ def test_the_map_draws_the_path_that_was_driven_and_follows_the_robot(
     show(page, "drive")
     bench.press(page)
     enough_m = bench.robot.travelled_m() + 1.0
-    wait_for(lambda: bench.robot.travelled_m() > enough_m, "half a metre is driven")
+
+    def driven() -> bool:
+        # A machine that is too busy ends the drive; then press again.
+        if not page.says_driving():
+            page.lift()
+            bench.press(page)
+        return bench.robot.travelled_m() > enough_m
+
+    wait_for(driven, "a metre is driven")
     page.lift()
     bench.robot.settled_truth()
     show(page, "map")
@@ -288,9 +321,9 @@ def test_the_map_draws_the_path_that_was_driven_and_follows_the_robot(
     shown = page.text(".where").replace("\u2212", "-").split()
     assert float(shown[1]) == pytest.approx(truth["x"], abs=0.02)
     assert float(shown[6]) == pytest.approx(truth["y"], abs=0.02)
+    page.evaluate("window.isBefore = true")
     page.order("Page.reload")
-    bench.ready(page)
-    show(page, "map")
+    page.until("!window.isBefore && document.readyState === 'complete'")
     page.says(".where", "heading")
     # It is there again, and a robot that stands adds nothing.
     inked = wait_for(lambda: page.evaluate(INK), "the path is drawn")

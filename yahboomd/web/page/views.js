@@ -20,6 +20,7 @@ const VIEWS = [
 const WIDE = matchMedia("(min-width: 1000px) and (min-height: 501px)");
 const ASIDE = matchMedia("(max-height: 500px) and (min-width: 560px)");
 const BESIDE = [drive, camera, map, wheels, health];
+const SEEN_WHOLE = [drive, camera, map]; // The others scroll, by keys too, where they hold nothing else to focus.
 
 export class Views {
   #made = new Map();
@@ -90,6 +91,7 @@ export class Views {
     const made = create(this.app);
     made.element.id = view.id;
     made.element.setAttribute("aria-label", view.title);
+    if (!SEEN_WHOLE.includes(view)) made.element.tabIndex = 0;
     made.element.hidden = true;
     this.main.append(made.element);
     this.#made.set(view.id, made);
