@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from web_site import ZERO
-from zenoh_fixtures import eventually, free_endpoint
+from zenoh_fixtures import PATIENCE_S, eventually, free_endpoint
 
 from yahboomd.cli.process_limits import allow_files
 from yahboomd.core.errors import ConfigError, ListenError
@@ -84,6 +84,20 @@ def handshake(served: Any) -> bytes:
         "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
         "Sec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==\r\n\r\n"
     ).encode()
+
+
+@pytest.mark.parametrize(
+    "more", ["Content-Length: 5\r\n", "Transfer-Encoding: chunked\r\n", "A: b\r\n" * 200]
+)
+async def test_a_request_that_becomes_no_page_is_answered_and_its_connection_closed(
+    site: Any, more: str
+) -> None:
+    """Nobody counted it, and it had no deadline: such connections took every open file."""
+    served = await site(endpoint=free_endpoint())
+    request = handshake(served).removesuffix(b"\r\n") + more.encode() + b"\r\n"
+    async with asyncio.timeout(PATIENCE_S):
+        status, headers, _ = await served.raw(request)
+    assert (status, headers["x-frame-options"]) == (400, "DENY")
 
 
 async def test_a_page_that_pings_without_end_and_reads_no_answer_is_cut_off(site: Any) -> None:

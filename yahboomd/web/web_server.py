@@ -249,6 +249,9 @@ class CountedConnection(H11Protocol):
                 # Radios and routers send beats and commands first.
                 own.setsockopt(*BACKGROUND[own.family])
         super().handle_websocket_upgrade(event)
+        if not cast("PageSocket", self.transport.get_protocol()).handshake_initiated:
+            # It has a body, or too many headers: it would stay open without an answer.
+            self.send_400_response("This is no request for a WebSocket.\n")
 
     def send_400_response(self, msg: str) -> None:
         """Refuse a request that is not HTTP, with the headers of every answer."""
