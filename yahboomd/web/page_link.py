@@ -20,7 +20,7 @@ from yahboomd.core.program import plain
 from yahboomd.tools.metrics.http_listener import Place
 from yahboomd.web.entry_tokens import MINUTES, forget_links, keep, make_entry
 from yahboomd.web.page_frames import Role
-from yahboomd.web.session_files import end_stored, stored_sessions
+from yahboomd.web.session_files import end_stored, stored_numbers, stored_sessions
 
 ROLES: tuple[Role, Role] = ("driver", "viewer")
 
@@ -170,11 +170,10 @@ def end_sessions(folder: Path, which: str) -> str:
     """
     try:
         if which == "all":
-            ended = sum(end_stored(folder, number) for number, *_ in [*stored_sessions(folder)])
+            ended = sum(end_stored(folder, number) for number in stored_numbers(folder))
             links = forget_links(folder)
             return f"{ended} sessions are ended, and {links} unused links are void."
-        known = [number for number, *_ in stored_sessions(folder)]
-        if which in known and end_stored(folder, which):
+        if which in stored_numbers(folder) and end_stored(folder, which):
             return f"Session {which} is ended: its page shows it within seconds."
     except OSError as error:
         raise ConfigError(

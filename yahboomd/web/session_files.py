@@ -45,6 +45,12 @@ def stored_sessions(folder: Path) -> Iterator[tuple[str, StoredSession, int]]:
             yield path.name.removeprefix(PREFIX), *found
 
 
+def stored_numbers(folder: Path) -> list[str]:
+    """The number of each session's file, also of one that cannot be read: it may be in use."""
+    found = (path for path in folder.glob(f"{PREFIX}*") if _NAME.fullmatch(path.name))
+    return [path.name.removeprefix(PREFIX) for path in found if path.is_symlink() or path.is_file()]
+
+
 def end_stored(folder: Path, number: str) -> bool:
     """Remove a session's file, also for the time after a power cut; returns whether it was there.
 

@@ -138,3 +138,14 @@ def test_one_session_is_ended_by_its_number_or_all_with_every_link(tmp_path: Pat
             end_sessions(tmp_path, wrong)
     assert end_sessions(tmp_path, "all") == "1 sessions are ended, and 1 unused links are void."
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("which", ["3f9a2c", "all"])
+def test_a_session_whose_file_cannot_be_read_is_ended_too(tmp_path: Path, which: str) -> None:
+    """A server that runs has it in memory, and ends it when its file is gone."""
+    store(tmp_path, "3f9a2c", "Anne", 0)
+    (tmp_path / f"{PREFIX}3f9a2c").write_bytes(b"")
+    (tmp_path / f"{PREFIX}000000").mkdir()
+    (tmp_path / f"{PREFIX}other").write_bytes(b"")
+    end_sessions(tmp_path, which)
+    assert {each.name for each in tmp_path.iterdir()} == {f"{PREFIX}000000", f"{PREFIX}other"}
