@@ -51,6 +51,13 @@ def test_revoke_prints_the_files_to_copy_and_until_when_older_ones_accept_the_ce
     assert "person.dan is revoked" in capsys.readouterr().out
     assert main(["fleet", "add", str(file)]) == 0
     nothing, refused = capsys.readouterr().out.splitlines()
+    assert main(["fleet", "renew", str(file), "dan"]) == 0
+    assert capsys.readouterr().out.splitlines() == [nothing, refused]
+    # Whoever lost the list gets all files that could still have the name in them.
+    assert main(["fleet", "revoke", str(file), "dan"]) == 0
+    again = capsys.readouterr().out
+    assert "It was revoked before." in again
+    assert f"  {file.parent}/farm/routers/north.json5\n" in again
     assert nothing == "Nothing has changed."
     assert refused.startswith("person.dan is revoked and gets nothing")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Iterable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -33,6 +34,8 @@ exit status:
   0    it was done
   78   a mistake in the file, or the folder cannot be used: the message has the reason
 """
+
+COPY = "Copy each to its machine, readable by its user alone; restart routers and robots:"
 
 VERBS = {
     "init": "make the authority and all files",
@@ -80,15 +83,15 @@ def run(args: argparse.Namespace) -> int:
     match args.verb:
         case "init":
             folder.begin()
-            _print_changed(folder.write())
+            _write(folder)
         case "add":
-            _print_changed(folder.write())
-            for name in sorted({each.name for each in folder.revoked()} & set(folder.paths())):
-                print(f"{name} is revoked and gets nothing: a new certificate needs a new name.")
+            _write(folder)
+            _print_revoked(folder, folder.paths())
         case "renew":
             days = timedelta(days=args.within)
             names = [full_name(plan, each) for each in args.names] or folder.ending(days)
-            _print_changed(folder.write(renewed=names))
+            _write(folder, names)
+            _print_revoked(folder, names)
         case "revoke":
             _revoke(folder, full_name(plan, args.name))
         case _:
@@ -96,23 +99,37 @@ def run(args: argparse.Namespace) -> int:
     return os.EX_OK
 
 
-def _print_changed(changed: list[Path]) -> None:
-    if not changed:
+def _write(folder: FleetFolder, renewed: Iterable[str] = ()) -> None:
+    """Write the files, and print each before it is written: an interrupt leaves a true list."""
+    told: list[Path] = []
+
+    def tell(path: Path) -> None:
+        if not told:
+            print(COPY)
+        told.append(path)
+        print(f"  {path}", flush=True)
+
+    if not folder.write(renewed, tell):
         print("Nothing has changed.")
-        return
-    print("Copy each to its machine, readable by its user alone; restart routers and robots:")
-    for path in changed:
-        print(f"  {path}")
+
+
+def _print_revoked(folder: FleetFolder, names: Iterable[str]) -> None:
+    for name in sorted({each.name for each in folder.revoked()} & set(names)):
+        print(f"{name} is revoked and gets nothing: a new certificate needs a new name.")
 
 
 def _revoke(folder: FleetFolder, name: str) -> None:
+    before = {each.name for each in folder.revoked()}
     revoked = folder.revoke(name)
-    changed = folder.write()
     print(
         f"{name} has no rights in the files of this folder any more. A router or robot with an "
         f"older file accepts the certificate until it ends, {revoked.until:%Y-%m-%d %H:%M} UTC."
     )
-    _print_changed(changed)
+    _write(folder)
+    if name in before:
+        print("It was revoked before. Each of these has to be on its machine, as it is now:")
+        for path in folder.readers():
+            print(f"  {path}")
 
 
 def _check(folder: FleetFolder, plan: FleetPlan, name: str) -> None:
@@ -126,7 +143,8 @@ def _check(folder: FleetFolder, plan: FleetPlan, name: str) -> None:
             )
             return
     found = check(folder, plan, folder.paths()[name])
-    print(f"{found.name}, until {found.until:%Y-%m-%d %H:%M} UTC")
+    ended = "" if found.until > datetime.now(UTC) else ": it has ended; `fleet renew` makes one"
+    print(f"{found.name}, until {found.until:%Y-%m-%d %H:%M} UTC{ended}")
     for robot, by_way in found.by_way.items():
         for way, rights in by_way.items():
             print(f"  {robot} {way}: {', '.join(rights) or 'nothing'}")

@@ -164,7 +164,9 @@ def _all(named: Path | None) -> int:
     papers = named or Path(config, "yahboomd", "fleet.json5")
     fleet = read_list(papers)
     progress = FleetStop(fleet.robots)
-    print(f"Stopping {len(fleet.robots)} robots. Ctrl-C ends it.", flush=True)
+    # A reader that has left must not keep the robots driving.
+    with contextlib.suppress(OSError):
+        print(f"Stopping {len(fleet.robots)} robots. Ctrl-C ends it.", flush=True)
     try:
         asyncio.run(StopAll(fleet, papers, progress, warn, SystemClock()).run())
     except KeyboardInterrupt:

@@ -16,6 +16,7 @@ from yahboomd.tools.fleet.authority import end_of, name_in
 from yahboomd.tools.fleet.fleet_files import FleetFolder, identity_in, rules_in
 from yahboomd.tools.fleet.fleet_list import read_zenoh
 from yahboomd.tools.fleet.fleet_plan import FleetPlan, PlannedPerson, PlannedRobot, PlannedSite
+from yahboomd.tools.fleet.fleet_rules import is_allowed
 
 NOW = datetime(2030, 1, 1, tzinfo=UTC)
 PLAN = FleetPlan(
@@ -181,3 +182,58 @@ def test_what_cannot_be_revoked_read_or_trusted_is_refused(made: FleetFolder) ->
     (made.folder / "authority.key").unlink()
     with pytest.raises(ConfigError, match="There is no authority"):
         made.write()
+
+
+def test_a_site_called_all_gives_its_people_no_right_at_another_site(tmp_path: Path) -> None:
+    fleet = folder(
+        tmp_path,
+        msgspec.structs.replace(
+            PLAN,
+            sites={"all": PLAN.sites["north"], "south": PLAN.sites["south"]},
+            robots={"bot1": PlannedRobot(site="all"), "bot2": PlannedRobot(site="south")},
+            people={
+                "vera": PlannedPerson(role="driver"),
+                "dan": PlannedPerson(role="driver", of=("all",)),
+            },
+        ),
+    )
+    fleet.begin()
+    fleet.write()
+    rules = rules_in(read_zenoh(fleet.folder / "router.json5"))
+    for who, allowed in (("person.vera", True), ("person.dan", False)):
+        assert is_allowed(rules, who, "put", "farm/south/bot2/cmd_vel", "ingress") is allowed
+        assert is_allowed(rules, who, "put", "farm/all/bot1/cmd_vel", "ingress")
+
+
+def test_an_interrupted_run_is_made_whole_by_a_second_one(tmp_path: Path) -> None:
+    fleet = folder(tmp_path)
+    fleet.begin()
+    # As if the power went between the authority's two files.
+    (fleet.folder / "authority.key").unlink()
+    fleet.begin()
+
+    def interrupt(path: Path) -> None:
+        told.append(path)
+        if len(told) == 2:
+            raise KeyboardInterrupt
+
+    told: list[Path] = []
+    with pytest.raises(KeyboardInterrupt):
+        fleet.write(tell=interrupt)
+    assert names(fleet, told[:1] + fleet.write()) == ALL
+    first, told = fleet.revoke("person.dan"), []
+    with pytest.raises(KeyboardInterrupt):
+        fleet.write(tell=interrupt)
+    assert fleet.revoke("person.dan") == first
+    assert fleet.revoked() == [first]
+    assert names(fleet, told[:1] + fleet.write()) == {
+        "router.json5",
+        "routers/north.json5",
+        "robots/bot1.json5",
+    }
+
+
+def test_a_file_in_the_place_of_the_folder_is_named(tmp_path: Path) -> None:
+    (tmp_path / "fleet").write_text("")
+    with pytest.raises(ConfigError, match="is a file, and the fleet's folder has this name"):
+        folder(tmp_path).begin()

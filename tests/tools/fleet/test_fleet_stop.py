@@ -127,3 +127,12 @@ def test_a_robot_that_is_in_no_list_and_answers_is_in_the_report(stop: FleetStop
 def test_progress_names_some_of_many() -> None:
     stop = FleetStop(f"farm/north/bot{n}" for n in range(50))
     assert stop.progress().endswith("farm/north/bot5 and 44 more.")
+
+
+def test_a_stop_of_no_robots_is_never_over_and_nothing_is_claimed() -> None:
+    stop = FleetStop(())
+    assert not stop.is_over(0.0)
+    assert not stop.all_stand
+    stop.answered(ONE, reply(), 0.1)
+    assert stop.is_over(0.1)
+    assert stop.all_stand

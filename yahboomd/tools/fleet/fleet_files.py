@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import json
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -57,16 +57,22 @@ class FleetFolder:
         """Make the folder and the authority.
 
         Raises:
-            ConfigError: There is one already.
+            ConfigError: There is one already, or a file has the folder's name.
         """
+        if self.folder.exists() and not self.folder.is_dir():
+            raise ConfigError(
+                f"{self.folder} is a file, and the fleet's folder has this name.",
+                remedy="Call the fleet's file fleet.toml: its folder is fleet/ then.",
+            )
         if (self.folder / KEY).exists():
             raise ConfigError(
                 f"{self.folder} has an authority already; nothing was changed.",
                 remedy="`yahboomd fleet add` makes the files of new robots and people.",
             )
         made = make_authority(self._plan.fleet, self._now)
-        _keep(self.folder / KEY, made.key)
+        # The key last: it tells that there is an authority, also after an interrupt.
         _keep(self.folder / CERTIFICATE, made.certificate)
+        _keep(self.folder / KEY, made.key)
 
     def paths(self) -> dict[str, Path]:
         """The file of each certificate, by the name in it."""
@@ -91,11 +97,15 @@ class FleetFolder:
         except msgspec.MsgspecError as error:
             raise ConfigError(f"{path} cannot be used: {error}.") from error
 
-    def write(self, renewed: Iterable[str] = ()) -> list[Path]:
+    def write(
+        self, renewed: Iterable[str] = (), tell: Callable[[Path], object] = lambda _: None
+    ) -> list[Path]:
         """Write what is missing and what has changed, and remove the files of the revoked.
 
         Args:
             renewed: The names of certificates that are made anew.
+            tell: Called with each file that changes, before it does: after an interrupt nobody
+                finds out which files were already new.
 
         Returns:
             The files that changed: each belongs on its machine.
@@ -115,6 +125,7 @@ class FleetFolder:
             content = self._content(name, issued, gone)
             text = _HEADER + json.dumps(content, indent=1) + "\n"
             if not path.exists() or path.read_text() != text:
+                tell(path)
                 _keep(path, text.encode())
                 changed.append(path)
         for robot in self._plan.robots:
@@ -128,15 +139,28 @@ class FleetFolder:
     def revoke(self, name: str) -> Revocation:
         """Put a certificate on the list of the revoked; :meth:`write` removes its rights.
 
+        One that is on the list stays there: an interrupted run can be repeated.
+
         Raises:
             ConfigError: There is no such certificate.
         """
+        for each in self.revoked():
+            if each.name == name:
+                return each
         issued = self._issued(self.paths()[name]) if name in self.paths() else None
         if issued is None:
             raise ConfigError(f"There is no certificate of {name!r} in {self.folder}.")
         made = Revocation(name=name, until=end_of(issued.certificate))
         _keep(self.folder / REVOKED, msgspec.json.encode([*self.revoked(), made]))
         return made
+
+    def readers(self) -> list[Path]:
+        """The files with rules in them: those of routers and robots."""
+        return [
+            path
+            for name, path in self.paths().items()
+            if not name.startswith("person.") and path.exists()
+        ]
 
     def ending(self, within: timedelta) -> list[str]:
         """The names of the certificates that end within a time."""
@@ -223,7 +247,7 @@ class FleetFolder:
         ways = {f"tls/{plan.router}": places} if plan.router else {}
         for site in dict.fromkeys(plan.robots[robot].site for robot in mine):
             home = f"{plan.fleet}/{site}"
-            here = [each for each in places if each.startswith(home)]
+            here = [each for each in places if f"{each}/".startswith(f"{home}/")]
             ways[f"tls/{plan.sites[site].router}"] = here or [home]
         return FleetList(
             person=person,

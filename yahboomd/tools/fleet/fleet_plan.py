@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 import msgspec
 
@@ -25,6 +25,10 @@ LOCAL_PORT = 7448
 
 _NAME = re.compile(r"[a-z0-9][a-z0-9_-]*")
 _RESERVED = ("yahboomd", "cmd_vel")
+_LONGEST = 50
+"""A certificate's name has at most 64 characters, its kind among them."""
+
+_ADDRESS = re.compile(r"([A-Za-z0-9._-]+|\[[0-9A-Fa-f:.]+\]):[0-9]{1,5}")
 
 
 class PlannedSite(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -52,11 +56,12 @@ class PlannedPerson(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     """A person, or a program with a certificate of its own.
 
     Attributes:
-        of: The sites and robots (``site/robot``) to which the role extends; empty: all.
+        of: The sites and robots (``site/robot``) to which the role extends; left out: all. An
+            empty list is refused: without the last site it would be all of them.
     """
 
     role: Role
-    of: tuple[str, ...] = ()
+    of: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)] = ()
 
 
 class FleetPlan(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -130,7 +135,7 @@ def read_plan(path: Path) -> FleetPlan:
         ConfigError: It cannot be read, or has mistakes; the first one is named.
     """
     try:
-        plan = msgspec.convert(tomllib.loads(path.read_text()), FleetPlan)
+        plan = msgspec.convert(tomllib.loads(path.read_text("utf-8")), FleetPlan)
     except OSError as error:
         raise ConfigError(
             f"{path} cannot be read: {error.strerror}.",
@@ -147,11 +152,13 @@ def plan_problem(plan: FleetPlan) -> str:
     """The first mistake in a plan, as a sentence; empty if there is none."""
     named = [plan.fleet, *plan.sites, *plan.robots, *plan.people]
     for name in named:
-        if not _NAME.fullmatch(name) or name in _RESERVED:
+        if not _NAME.fullmatch(name) or name in _RESERVED or len(name) > _LONGEST:
             return (
-                f"{name!r} cannot be a name here: small letters, digits, '-' and '_' can, and it "
-                f"is none of {', '.join(_RESERVED)}."
+                f"{name!r} cannot be a name here: up to {_LONGEST} small letters, digits, '-' and "
+                f"'_' can, and it is none of {', '.join(_RESERVED)}."
             )
+    if not plan.sites:
+        return "there is no site, such as [sites.north]: each robot is at one."
     if not plan.router and len(plan.sites) != 1:
         return "with several sites `router` has to name the router above them."
     addresses = {"router": plan.router} if plan.router else {}
@@ -161,13 +168,17 @@ def plan_problem(plan: FleetPlan) -> str:
         for name, robot in plan.robots.items()
         if robot.address
     }
+    taken: dict[str, str] = {}
     for where, address in addresses.items():
-        if host_and_port(f"tls/{address}") is None:
+        if not _ADDRESS.fullmatch(address) or not 0 < _port(address) < 65536:
             return f"{where} = {address!r} is not host:port, such as 192.168.1.20:7449."
+        # Each has a certificate of its own, and is reached as what it is.
+        if (first := taken.setdefault(address.lower(), where)) != where:
+            return f"{where} = {address!r} is the address of {first} already."
     for name, robot in plan.robots.items():
         if robot.site not in plan.sites:
             return f"robots.{name} is at the site {robot.site!r}, which is not in the file."
-        if robot.address.endswith(f":{LOCAL_PORT}"):
+        if robot.address and _port(robot.address) == LOCAL_PORT:
             return (
                 f"robots.{name}.address has the port {LOCAL_PORT}, which serves the programs on "
                 "the robot itself: take another one, such as 7449."
@@ -178,6 +189,10 @@ def plan_problem(plan: FleetPlan) -> str:
             if each not in places:
                 return f"people.{name}.of has {each!r}, which is neither a site nor site/robot."
     return ""
+
+
+def _port(address: str) -> int:
+    return int(address.rpartition(":")[2])
 
 
 def _hosts(address: str) -> tuple[str, ...]:

@@ -101,7 +101,11 @@ class RuleSet:
     def allow(
         self, who: str, name: str, messages: Iterable[str], key_exprs: Iterable[str], flow: str
     ) -> None:
-        """Allow somebody some messages on some keys."""
+        """Allow somebody some messages on some keys.
+
+        Raises:
+            ValueError: A rule of this name allows something else.
+        """
         rule = {
             "id": name,
             "permission": "allow",
@@ -110,7 +114,8 @@ class RuleSet:
             "key_exprs": list(key_exprs),
         }
         known = self._rules.setdefault(name, rule)
-        assert known == rule, name
+        if known != rule:
+            raise ValueError(f"two rules are called {name!r}")
         self._has.setdefault(who, []).append(name)
 
     def out(self, who: str) -> None:
@@ -207,7 +212,7 @@ def _people(rules: RuleSet, plan: FleetPlan, robots: list[str], gone: set[str]) 
         if not mine or who in gone:
             continue
         rules.out(who)
-        of = ", ".join(planned.of) or "all"
+        of = ", ".join(planned.of) or "all sites"
         for name, right in RIGHTS.items():
             if ROLES.index(right.role) > ROLES.index(planned.role):
                 continue

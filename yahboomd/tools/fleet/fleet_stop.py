@@ -118,13 +118,17 @@ class FleetStop:
         ]
 
     def is_over(self, now_s: float) -> bool:
-        """Whether all acknowledged, and stand or had the time for it."""
-        return not self.missing and not self.turning(now_s)
+        """Whether all acknowledged, and stand or had the time for it; never if none is known."""
+        return bool(self.robots) and not self.missing and not self.turning(now_s)
 
     @property
     def all_stand(self) -> bool:
-        """Whether every robot acknowledged and stands."""
-        return not self.missing and all(robot.stands for robot in self.robots.values())
+        """Whether every robot acknowledged and stands; of no robots none does."""
+        return (
+            bool(self.robots)
+            and not self.missing
+            and all(robot.stands for robot in self.robots.values())
+        )
 
     def progress(self) -> str:
         """How many acknowledged, and the names of some that did not."""
