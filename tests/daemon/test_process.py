@@ -46,7 +46,8 @@ def test_signals_without_a_name_of_their_own_have_one() -> None:
 async def test_any_signal_that_would_end_the_process_asks_for_its_end_and_is_kept_if_it_kills(
     number: int,
 ) -> None:
-    before = signal.signal(number, signal.SIG_DFL)
+    # Once the end was asked for, all that ask for it are ignored.
+    before = {each: signal.signal(each, signal.SIG_DFL) for each in {*ENDING, number}}
     asked: list[str] = []
     signals = Signals(asked.append)
     try:
@@ -58,7 +59,8 @@ async def test_any_signal_that_would_end_the_process_asks_for_its_end_and_is_kep
         assert signals.fatal == (None if number in ENDING else number)
     finally:
         signals.remove()
-        signal.signal(number, before)
+        for each, handler in before.items():
+            signal.signal(each, handler)
 
 
 @pytest.mark.parametrize("number", SUSPENDING)
