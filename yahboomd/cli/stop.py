@@ -164,11 +164,16 @@ def _all(named: Path | None) -> int:
     papers = named or Path(config, "yahboomd", "fleet.json5")
     fleet = read_list(papers)
     progress = FleetStop(fleet.robots)
+
     # A reader that has left must not keep the robots driving.
+    def tell(words: str) -> None:
+        with contextlib.suppress(OSError):
+            warn(words)
+
     with contextlib.suppress(OSError):
         print(f"Stopping {len(fleet.robots)} robots. Ctrl-C ends it.", flush=True)
     try:
-        asyncio.run(StopAll(fleet, papers, progress, warn, SystemClock()).run())
+        asyncio.run(StopAll(fleet, papers, progress, tell, SystemClock()).run())
     except KeyboardInterrupt:
         warn("Ended: from now on nothing repeats the stop for the robots that are missing.")
     print("\n".join(progress.report()))

@@ -102,7 +102,9 @@ def test_a_robot_that_left_and_came_again_has_to_acknowledge_again(stop: FleetSt
     assert not stop.seen(ONE, present=True)
     assert ONE not in stop.missing
     assert not stop.seen(ONE, present=False)
-    assert ONE not in stop.missing
+    assert ONE in stop.missing
+    assert not stop.all_stand
+    assert f"{ONE}: left during the stop: whether it stands is unknown." in stop.report()
     assert stop.seen(ONE, present=True)
     assert ONE in stop.missing
     stop.answered(ONE, reply(), 0.9)

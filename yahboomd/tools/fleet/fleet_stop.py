@@ -93,10 +93,10 @@ class FleetStop:
 
         Returns:
             Whether the stop has to be sent to it at once: it came, and has not acknowledged. One
-            that left and came again may have begun anew, and has to acknowledge again.
+            that left may end, or begin anew: nothing is known of it until it acknowledges again.
         """
         found = self.robots.setdefault(robot, RobotStop())
-        if present and found.left:
+        if found.present and not present:
             found.acknowledged_s = found.stands = found.slow = None
         found.left = not present and (found.left or found.present)
         came, found.present = present and not found.present, present
@@ -163,6 +163,8 @@ def _words(robot: RobotStop) -> str:
             return f"it answered and was not stopped. {robot.refusal}"
         if robot.present:
             return "did not answer, although its daemon is there."
+        if robot.left:
+            return "left during the stop: whether it stands is unknown."
         return "is not reachable."
     if robot.stands is None:
         return "stopped; no counts show whether its wheels stand."
