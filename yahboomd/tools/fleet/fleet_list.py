@@ -42,7 +42,10 @@ def read_zenoh(path: Path) -> ZenohFile:
         found = json.loads("\n".join(line for line in lines if not line.startswith("//")))
         found["transport"]["link"]["tls"]["connect_private_key_base64"]
     except OSError as error:
-        raise ConfigError(f"{path} cannot be read: {error.strerror}.") from error
+        raise ConfigError(
+            f"{path} cannot be read: {error.strerror}. It is your file of `yahboomd fleet init`: "
+            "name it with `--fleet FILE`. `yahboomd stop` stops the robot of this machine."
+        ) from error
     except (ValueError, LookupError, TypeError) as error:
         raise ConfigError(
             f"{path} is no file of `yahboomd fleet`.",
