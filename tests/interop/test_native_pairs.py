@@ -26,12 +26,12 @@ CROWD = 30
 ESTABLISHED = "01"
 
 
-def rclpy(endpoint: str, name: str) -> list[str]:
+def rclpy(endpoint: str, name: str, *consumers: str) -> list[str]:
     python = os.environ.get("YAHBOOMD_RMW_ZENOH_PYTHON")
     if not python:
         pytest.skip("no wheel brings rmw_zenoh_cpp: YAHBOOMD_RMW_ZENOH_PYTHON names what has it")
     zenoh = f'ZENOH_CONFIG_OVERRIDE=connect/endpoints=["{endpoint}"]'
-    node = [python, str(HERE / "ros_node.py"), "0", "", "chatter"]
+    node = [python, str(HERE / "ros_node.py"), "0", *(consumers or ("", "chatter"))]
     return ["env", "RMW_IMPLEMENTATION=rmw_zenoh_cpp", zenoh, f"ROS_NODE_NAME={name}", *node]
 
 
@@ -182,6 +182,24 @@ def test_the_commands_of_ros2cli_see_and_stop_the_robot(natively, client):
     onlooker.in_state("estopped")
 
 
+def test_a_node_that_comes_late_gets_the_lines_of_the_log_from_before_it(natively, start, client):
+    """Through the bridge it gets the last one alone (test_rclpy.py)."""
+    onlooker: Client = client("client", natively.endpoint)
+    for _ in range(3):
+        assert onlooker.ask("yahboomd/estop")["success"]
+        onlooker.in_state("estopped")
+        wait_for(lambda: onlooker.ask("yahboomd/estop/reset")["success"], "the release")
+        onlooker.in_state("standing")
+    late = start(rclpy(natively.endpoint, "late", "log"))
+    kinds = ["estop", "estop_released"]
+    lines = [
+        late.message("/rosout", lambda m, kind=kind: m["function"] == kind, f"a line of {kind}")
+        for kind in 3 * kinds
+    ]
+    stamps = [(line["stamp"]["sec"], line["stamp"]["nanosec"]) for line in lines]
+    assert stamps == sorted(set(stamps))
+
+
 def test_transforms_of_two_robots_do_not_mix(real_robot, start):
     """As ROS 2 hears them, in one graph: the first robot is the router, the second joins it."""
     one = real_robot(run=[*NATIVE, "--set", "zenoh.namespace=bot1"])
@@ -190,11 +208,8 @@ def test_transforms_of_two_robots_do_not_mix(real_robot, start):
     )
     for each in (one, two):
         each.daemon.says("Connected")
-    command = rclpy(one.endpoint, "onlooker")
-    nodes = {
-        name: start([*command[:-2], "", "tf2_ros", "--ros-args", *remaps(name)])
-        for name in ("bot1", "bot2")
-    }
+    command = rclpy(one.endpoint, "onlooker", "", "tf2_ros")
+    nodes = {name: start([*command, "--ros-args", *remaps(name)]) for name in ("bot1", "bot2")}
     nodes["bot1"].order("drive", vx=0.2, hz=20)
 
     def x_of(name: str) -> float:
