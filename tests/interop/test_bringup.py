@@ -19,7 +19,7 @@ from pathlib import Path
 
 import pytest
 from real_robot import RealRobot, wait_for
-from ros_peers import CACHE, EXAMPLE, Bridge, Event, Peer, built, free_domain, start_peer
+from ros_peers import CACHE, Bridge, Event, Peer, built, example_for, free_domain, start_peer
 
 from yahboomd.core.config import Config
 from yahboomd.tools.ros_files.robot_model import urdf
@@ -333,10 +333,19 @@ def test_natively_the_middleware_is_asked_for_and_no_bridge_started(launch) -> N
     assert "Export it before `ros2 launch`" in log["text"]
 
 
-def test_nav2_and_slam_toolbox_get_their_own_files_with_the_base_laid_over(launch) -> None:
+def test_nav2_and_slam_toolbox_get_their_own_files_with_the_base_laid_over(
+    launch, tmp_path
+) -> None:
     need("nav2_bringup", "slam_toolbox")
-    events = launch("navigation", SLOW.splitlines()[0], 11, "robot_radius:=0.3")
-    found = nodes_of(events)
+    mine = tmp_path / "mine.yaml"
+    mine.write_text("controller_server: {ros__parameters: {FollowPath: {plugin: mine::Mine}}}\n")
+    given = ("robot_radius:=0.3", f"nav2_params:={mine}")
+    found = nodes_of(launch("navigation", SLOW.splitlines()[0], 11, *given))
+    controller = found["/controller_server"]["parameters"]
+    # A person's file, over the base's, over Nav2's own.
+    assert controller["FollowPath.plugin"] == "mine::Mine"
+    assert controller["FollowPath.vx_max"] == 0.2
+    assert controller["FollowPath.time_steps"] == 56
     smoother = found["/velocity_smoother"]
     assert smoother["parameters"]["max_velocity"] == [0.2, 0.0, 1.9]
     # A key that only Nav2's own file has.
@@ -395,14 +404,6 @@ OF_SCANS = ("slam_toolbox", "controller_server", "planner_server", "collision_mo
 HEARERS = (*OF_SCANS, "behavior_server", "bt_navigator")
 
 
-def end(peer: Peer) -> None:
-    """`launch` ends all of its nodes before itself."""
-    assert peer.process.stdin is not None
-    peer.process.stdin.close()
-    peer.process.wait(60)
-    peer.close()
-
-
 @pytest.fixture
 def bots(environment, launch_python, installed, tmp_path) -> Iterator[dict[str, Peer]]:
     """Two simulated robots behind one bridge, and what their `ros2 launch` and its nodes print.
@@ -413,8 +414,7 @@ def bots(environment, launch_python, installed, tmp_path) -> Iterator[dict[str, 
     for program in IDLE:
         for stand_in in (tmp_path / "prefix/lib").glob(f"*/{program}"):
             stand_in.write_text("#!/bin/sh\nexec sleep 600\n")
-    config = tmp_path / "bridge.json5"
-    config.write_text(re.sub(r'"(/[\w/]+)"(?=[],])', r'"/bot.\1"', EXAMPLE.read_text()))
+    config = example_for("bot.", tmp_path / "bridge.json5")
     bridge = Bridge(built("bridge"), tmp_path / "bridge.log", config=config, discovery="SUBNET")
     file = installed / "share/yahboomd_bringup/launch/bringup.launch.py"
     with ExitStack() as stack:
@@ -441,7 +441,8 @@ def bots(environment, launch_python, installed, tmp_path) -> Iterator[dict[str, 
             given = (f"config:={toml}", f"yahboomd:={YAHBOOMD}", *parts)
             command = [launch_python, str(LAUNCHED), str(file), *given]
             peers[name] = start_peer(command, folder / "launch.log", own)
-            stack.callback(end, peers[name])
+            # `launch` ends all of its nodes before itself.
+            stack.callback(peers[name].close, 60.0)
             remaps = (f"__ns:=/{name}", "/tf:=tf", "/tf_static:=tf_static")
             remapped = [part for each in remaps for part in ("-r", each)]
             command = [launch_python, str(STAND_IN), "lidar", "--ros-args", *remapped]

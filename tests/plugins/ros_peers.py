@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import random
+import re
 import socket
 import subprocess
 import threading
@@ -159,12 +160,12 @@ class Peer:
         self.order("graph")
         return dict(self.await_event(lambda e: e["event"] == "graph", "the graph")["graph"])
 
-    def close(self) -> None:
+    def close(self, patience_s: float = 10.0) -> None:
         assert self.process.stdin is not None
         with suppress(BrokenPipeError):
             self.process.stdin.close()
         try:
-            self.process.wait(10)
+            self.process.wait(patience_s)
         except subprocess.TimeoutExpired:
             self.process.kill()
             self.process.wait()
@@ -216,6 +217,12 @@ def start_peer(command: list[str], log: Path, environ: dict[str, str] | None = N
     peer = Peer(process, log)
     peer.await_event(lambda e: e["event"] == "ready", f"{command[0]} to be ready")
     return peer
+
+
+def example_for(names: str, path: Path) -> Path:
+    """The example's configuration for robots whose names fit an expression, such as ``bot.``."""
+    path.write_text(re.sub(r'"(/[\w/]+)"(?=[],])', rf'"/{names}\1"', EXAMPLE.read_text()))
+    return path
 
 
 @dataclass

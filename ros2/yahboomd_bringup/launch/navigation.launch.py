@@ -7,7 +7,7 @@ from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from yahboomd_bringup.arguments import in_namespace, named_robot, shared_arguments, text
-from yahboomd_bringup.parameters import merged, namespaced, packaged, written
+from yahboomd_bringup.parameters import merged, namespaced, packaged, read, written
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -23,6 +23,11 @@ def generate_launch_description() -> LaunchDescription:
                 default_value="",
                 description="metres of the circle that holds the robot; empty: the wheels' circle",
             ),
+            DeclareLaunchArgument(
+                "nav2_params",
+                default_value="",
+                description="a file of your own, laid over the parameters of Nav2 and of the base",
+            ),
             OpaqueFunction(function=_start),
         ]
     )
@@ -34,6 +39,8 @@ def _start(context):
     if given := text(context, "robot_radius"):
         for costmap in ("local_costmap", "global_costmap"):
             tree[costmap][costmap]["ros__parameters"]["robot_radius"] = float(given)
+    if given := text(context, "nav2_params"):
+        tree = merged(tree, read(given))
     shared = {
         "params_file": written(namespaced(tree, robot.namespace), "nav2"),
         "use_sim_time": "false",

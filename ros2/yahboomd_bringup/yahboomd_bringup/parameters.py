@@ -37,8 +37,13 @@ def packaged(package: str, *path: str) -> Tree:
     """A parameter file that an installed package comes with."""
     from ament_index_python.packages import get_package_share_directory
 
-    with open(os.path.join(get_package_share_directory(package), *path)) as file:
-        return dict(yaml.safe_load(file))
+    return read(os.path.join(get_package_share_directory(package), *path))
+
+
+def read(path: str) -> Tree:
+    """A parameter file."""
+    with open(path) as file:
+        return dict(yaml.safe_load(file) or {})
 
 
 def written(tree: Tree, name: str) -> str:
