@@ -70,7 +70,7 @@ class FakeDaemon:
             self._bus.serve(keys.CONFIG, self._tell_config, fallback=_refuse)
         self._bus.token(keys.ALIVE)
         self._bus.token(keys.holder_key(keys.ALIVE, self._bus.zid))
-        self._bus.serve(keys.STATUS, self._tell_status, fallback=_refuse)
+        self._bus.serve(keys.STATUS, self._tell_status, fallback=_refuse, wildcards=True)
         self._bus.serve(keys.ESTOP, self._estop, fallback=_refuse)
         self._bus.serve(keys.ESTOP_RESET, self._reset, fallback=_refuse)
         self._events = self._bus.publisher(keys.EVENTS)

@@ -79,6 +79,8 @@ class RecordingRobot:
         """The answer to every query; empty: it keeps the query, and never answers."""
         self.wheels: list[float] = []
         """The speeds with which it answers a query for its wheels, one after the other."""
+        self.answers: dict[str, bytes] = {}
+        """Answers to queries that reach these keys, below its namespace, by wildcards too."""
         self.seq = 0
         self._kept: list[zenoh.Query] = []
         self._tokens: list[zenoh.LivelinessToken] = []
@@ -106,6 +108,11 @@ class RecordingRobot:
         payload = query.payload
         self.heard.add((str(query.key_expr), "" if payload is None else payload.to_string()))
         own = f"{self.namespace}/yahboomd/estop"
+        for name, answer in self.answers.items():
+            if query.key_expr.intersects(zenoh.KeyExpr(f"{self.namespace}/{name}")):
+                query.reply(f"{self.namespace}/{name}", answer)
+                query.drop()
+                return
         if self.wheels and str(query.key_expr).endswith("/yahboomd/wheels"):
             self.seq += 1
             query.reply(str(query.key_expr), wheels(self.seq, self.wheels.pop(0)))

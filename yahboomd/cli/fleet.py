@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import argparse
 import os
+import signal
 from collections.abc import Iterable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from yahboomd.cli.shared_options import number
+from yahboomd.cli.shared_options import add_connect_option, number, seconds
 
 if TYPE_CHECKING:
     from yahboomd.tools.fleet.fleet_files import FleetFolder
@@ -20,6 +21,8 @@ Make the certificates and the access rules of a fleet from one file, which lists
 robots and its people with their roles. Each router, robot and person gets one file of Zenoh's with
 everything in it. Nothing is sent: you copy the files. The key that signs certificates stays in the
 folder beside the file, on this machine.
+
+`status` asks the robots what they do, and prints those that need somebody first.
 """
 
 EPILOG = """\
@@ -29,9 +32,14 @@ examples:
   yahboomd fleet check fleet.toml anna       what may this certificate do, and until when?
   yahboomd fleet renew fleet.toml            new certificates for those that end within 30 days
   yahboomd fleet revoke fleet.toml anna      take every right away, and list the files to copy
+  yahboomd fleet status --watch              every robot of your own file, as it changes
+  yahboomd fleet status --json | jq '.[] | select(.needs != "")'
+                                             the robots that need somebody, for a script
 
 exit status:
-  0    it was done
+  0    it was done; of `status`: every robot can drive
+  1    of `status`: some robot cannot drive, or is not reachable
+  69   of `status`: no robot answered
   78   a mistake in the file, or the folder cannot be used: the message has the reason
 """
 
@@ -70,10 +78,41 @@ def add_options(parser: argparse.ArgumentParser) -> None:
             )
         elif name in {"revoke", "check"}:
             verb.add_argument("name", metavar="NAME", help="a robot, a site or a person")
+    words = "print what each robot does, those that need somebody first"
+    status = verbs.add_parser("status", help=words, description=f"{words.capitalize()}.")
+    how = status.add_mutually_exclusive_group()
+    how.add_argument(
+        "--fleet",
+        metavar="FILE",
+        type=Path,
+        help="your file of `yahboomd fleet` (default: ~/.config/yahboomd/fleet.json5)",
+    )
+    add_connect_option(
+        how,
+        "a router or daemon without access rules, such as tcp/192.168.1.5:7447: every robot that "
+        "is seen there",
+    )
+    status.add_argument(
+        "--watch", action="store_true", help="go on until Ctrl-C: a screen, or lines for a file"
+    )
+    status.add_argument(
+        "--json",
+        action="store_true",
+        help="a JSON array of all robots; with --watch a line of JSON for each change",
+    )
+    status.add_argument(
+        "--timeout",
+        metavar="S",
+        type=seconds,
+        default=3.0,
+        help="how long to wait for answers, in seconds (default: %(default)g)",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
     """Carry out one verb."""
+    if args.verb == "status":
+        return _status(args)
     from yahboomd.tools.fleet.fleet_check import full_name
     from yahboomd.tools.fleet.fleet_files import FleetFolder
     from yahboomd.tools.fleet.fleet_plan import read_plan
@@ -97,6 +136,24 @@ def run(args: argparse.Namespace) -> int:
         case _:
             _check(folder, plan, full_name(plan, args.name))
     return os.EX_OK
+
+
+def _status(args: argparse.Namespace) -> int:
+    import asyncio
+
+    from yahboomd.cli.attended import until_signal
+    from yahboomd.cli.fleet_watch import watch
+    from yahboomd.tools.fleet.fleet_list import FleetList, read_list, standard_papers
+
+    papers = None if args.connect else args.fleet or standard_papers()
+    if papers is None:
+        # Without rules everybody may do everything.
+        ways = {endpoint: [""] for endpoint in args.connect}
+        fleet = FleetList(person="", role="maintainer", ways=ways, robots=[])
+    else:
+        fleet = read_list(papers)
+    work = watch(fleet, papers, within_s=args.timeout, endless=args.watch, as_json=args.json)
+    return asyncio.run(until_signal(work, (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)))
 
 
 def _write(folder: FleetFolder, renewed: Iterable[str] = ()) -> None:

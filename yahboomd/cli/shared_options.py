@@ -117,15 +117,18 @@ def add_bus_options(parser: argparse.ArgumentParser) -> None:
     add_connect_option(parser)
 
 
-def add_connect_option(parser: argparse.ArgumentParser) -> None:
+def add_connect_option(
+    parser: argparse._ActionsContainer,  # parsers and their groups
+    words: str = "where to reach the daemon or its router, such as tcp/192.168.1.5:7447 "
+    "(default: the endpoints on which the configured daemon listens)",
+) -> None:
     """Add ``--connect ENDPOINT``, which may be repeated."""
     parser.add_argument(
         "--connect",
         metavar="ENDPOINT",
         action="append",
         type=_endpoint,
-        help="where to reach the daemon or its router, such as tcp/192.168.1.5:7447 "
-        "(default: the endpoints on which the configured daemon listens)",
+        help=words,
     )
 
 

@@ -156,12 +156,11 @@ def _all(named: Path | None) -> int:
     import asyncio
 
     from yahboomd.core.clock import SystemClock
-    from yahboomd.tools.fleet.fleet_list import read_list
+    from yahboomd.tools.fleet.fleet_list import read_list, standard_papers
     from yahboomd.tools.fleet.fleet_stop import FleetStop
     from yahboomd.tools.fleet.stop_all import StopAll
 
-    config = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
-    papers = named or Path(config, "yahboomd", "fleet.json5")
+    papers = named or standard_papers()
     fleet = read_list(papers)
     progress = FleetStop(fleet.robots)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -29,6 +30,12 @@ class FleetList(msgspec.Struct, frozen=True, kw_only=True):
     role: Role
     ways: dict[str, list[str]]
     robots: list[str]
+
+
+def standard_papers() -> Path:
+    """The place of a person's file on the person's own machine."""
+    config = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
+    return Path(config, "yahboomd", "fleet.json5")
 
 
 def read_zenoh(path: Path) -> ZenohFile:

@@ -22,17 +22,16 @@ from yahboomd.core.bus import keys
 from yahboomd.core.bus.blocking import bounded
 from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.keys import full_key, holder_key
-from yahboomd.core.bus.options import BusOptions, zenoh_config
 from yahboomd.core.bus.presence import TokenChange
-from yahboomd.core.clock import Clock, seconds
-from yahboomd.core.errors import BusError
+from yahboomd.core.clock import Clock, seconds, timeout
 from yahboomd.core.messages.native import ServiceReply, WheelsSample
 from yahboomd.tools.fleet.fleet_list import FleetList
 from yahboomd.tools.fleet.fleet_plan import stop_key
 from yahboomd.tools.fleet.fleet_stop import FleetStop
+from yahboomd.tools.fleet.fleet_way import FleetWay
 
 AGAIN_S = 0.5
-"""Missing robots are asked again this often, and a router that is away is tried again."""
+"""Missing robots are asked again this often."""
 
 ANSWER_S = 5.0
 """A query is given up after this time; later ones have been sent by then."""
@@ -44,64 +43,35 @@ _LONGEST_NAME = 24
 _OWN = "yahboomd"
 
 
-class FleetWay:
-    """A router, and the robots behind it.
+class StopWay(FleetWay):
+    """A router over which the stop goes."""
 
-    Args:
-        places: A fleet, sites and robots behind the router.
-    """
-
-    def __init__(self, options: BusOptions, places: list[str], stop: StopAll) -> None:
-        self._options = options
-        self._places = places
+    def __init__(self, endpoint: str, papers: Path, places: list[str], stop: StopAll) -> None:
+        super().__init__(endpoint, papers, places)
         self._stop = stop
         self.wake = asyncio.Event()
         """Set to send at once to the robots that are wanted."""
 
-    async def run(self) -> None:
-        """Send as soon as the router is there, and again while robots are missing.
-
-        Raises:
-            BusError: The papers cannot be used.
-        """
-        zenoh_config(self._options)
-        bus = Bus(self._options)
-        while True:
-            try:
-                await bus.open()
-                break
-            except BusError:
-                # The router is away, or refuses the papers: Zenoh does not tell which.
-                await asyncio.sleep(AGAIN_S)
-                bus = Bus(self._options)
-        try:
-            await self._send_all(bus)
-        finally:
-            await bus.close()
-
-    async def _send_all(self, bus: Bus) -> None:
-        mine = list(filter(self._leads_to, self._stop.progress.robots))
-        wide = [stop_key(place + "/*" * (2 - place.count("/"))) for place in self._places]
+    async def work(self, bus: Bus) -> None:
+        """Send at once, and again while robots are missing."""
+        mine = list(filter(self.leads_to, self._stop.progress.robots))
         # First one question for all: it reaches robots that are not in the list, too.
-        await self._send(bus, wide)
+        await self._send(bus, self.wide(keys.ESTOP))
         for robot in mine:
             pattern = holder_key(full_key(robot, keys.ALIVE), "*")
             bus.watch_tokens(pattern, partial(self._stop.seen, self, robot))
         while True:
             self.wake.clear()
             with suppress(TimeoutError):
-                async with asyncio.timeout(AGAIN_S):
+                async with timeout(AGAIN_S):
                     await self.wake.wait()
-            if wanted := list(filter(self._leads_to, self._stop.progress.missing)):
+            if wanted := list(filter(self.leads_to, self._stop.progress.missing)):
                 await self._send(bus, [stop_key(each) for each in wanted])
-            if turning := list(filter(self._leads_to, self._stop.turning)):
+            if turning := list(filter(self.leads_to, self._stop.turning)):
                 await self._ask_speeds(bus, turning)
 
-    def _leads_to(self, robot: str) -> bool:
-        return any(f"{robot}/".startswith(f"{place}/") for place in self._places)
-
     async def _send(self, bus: Bus, selectors: list[str]) -> None:
-        groups = [stop_key(place) for place in self._places if place.count("/") < 2]
+        groups = [stop_key(place) for place in self.places if place.count("/") < 2]
         call = partial(_send, bus.session, groups, selectors, self._stop)
         # A connection that takes nothing is closed by Zenoh after a second.
         with suppress(TimeoutError, zenoh.ZError):
@@ -148,7 +118,7 @@ class StopAll:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._news = asyncio.Event()
         self._tokens: dict[str, set[str]] = {}
-        self._ways: list[FleetWay] = []
+        self._ways: list[StopWay] = []
 
     @property
     def turning(self) -> list[str]:
@@ -163,7 +133,7 @@ class StopAll:
         """
         self._loop = asyncio.get_running_loop()
         self._ways = [
-            FleetWay(_options(endpoint, self._papers), places, self)
+            StopWay(endpoint, self._papers, places, self)
             for endpoint, places in self._fleet.ways.items()
         ]
         tasks = [asyncio.create_task(way.run(), name="fleet-way") for way in self._ways]
@@ -178,14 +148,14 @@ class StopAll:
                     self._tell(words)
                 self._news.clear()
                 with suppress(TimeoutError):
-                    async with asyncio.timeout(AGAIN_S):
+                    async with timeout(AGAIN_S):
                         await self._news.wait()
         finally:
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
 
-    def seen(self, way: FleetWay, robot: str, changes: list[TokenChange]) -> None:
+    def seen(self, way: StopWay, robot: str, changes: list[TokenChange]) -> None:
         """Note tokens of a robot, as one way shows them."""
         tokens = self._tokens.setdefault(robot, set())
         for change in changes:
@@ -239,14 +209,3 @@ def _send(session: zenoh.Session, groups: list[str], selectors: list[str], stop:
             payload=stop.payload,
             encoding="application/json",
         )
-
-
-def _options(endpoint: str, papers: Path) -> BusOptions:
-    return BusOptions(
-        mode="client",
-        listen=(),
-        connect=(endpoint,),
-        config_file=papers,
-        enforces=False,
-        open_timeout_s=10.0,
-    )
