@@ -107,10 +107,6 @@ class FleetView:
         self._robots = {robot: _Seen(listed=True) for robot in robots}
         self._unlisted = 0
 
-    def knows(self, robot: str) -> bool:
-        """Whether the robot has a row."""
-        return robot in self._robots
-
     def answered(self, robot: str, status: StatusSample, now_ns: int) -> None:
         """Take a robot's status; one in no list is shown from now on, if there is room."""
         if (seen := self._row(robot)) is None:
