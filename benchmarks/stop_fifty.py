@@ -189,6 +189,7 @@ class Fleet:
                 rig.free_endpoint(),
                 f"zenoh.config={file}",
                 f'zenoh.namespace="{self.namespace(name)}"',
+                'command.sources={"cmd_vel/max" = {}}',
                 f"estop.groups={json.dumps([f'{FLEET}/{self.site(name)}', FLEET])}",
                 port=name,
                 connect=[f"tls/127.0.0.1:{ports[self.site(name)]}"],
@@ -216,7 +217,7 @@ class Fleet:
         def drive() -> None:
             while not ended.wait(0.05):
                 for name in self.real:
-                    session.put(f"{self.namespace(name)}/cmd_vel", DRIVE)
+                    session.put(f"{self.namespace(name)}/cmd_vel/max", DRIVE)
 
         for name in self.real:
             rig.wait_for(lambda name=name: ask(name, "estop/reset").get("success"), "a release")

@@ -86,11 +86,13 @@ def _serve(args: argparse.Namespace, guard: int | None) -> int:
     from yahboomd.core.daemon.process import die_of
     from yahboomd.core.daemon.service import Daemon
     from yahboomd.ros2.ros2_plane import Ros2Plane
+    from yahboomd.tools.fleet.people_plane import PeoplePlane, people_of
 
     loaded = read_config(args)
     configure(loaded.config.log.level, os.environ, sys.stderr)
     make_room()
     log = logging.getLogger("yahboomd")
+    people = people_of(loaded.config)
     for warning in loaded.warnings:
         log.warning("%s", warning)
 
@@ -99,7 +101,7 @@ def _serve(args: argparse.Namespace, guard: int | None) -> int:
             loaded.config,
             environ=os.environ,
             black_box=BoxKeeper,
-            planes=(Ros2Plane(),),
+            planes=(Ros2Plane(), *((PeoplePlane(people),) if people else ())),
             guard=guard,
         )
         status = os.EX_OK

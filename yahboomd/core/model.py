@@ -30,6 +30,7 @@ Vector3: TypeAlias = tuple[float, float, float]
 Severity: TypeAlias = Literal["info", "warning", "error"]
 
 EventKind: TypeAlias = Literal[
+    "asked_by_name",
     "battery_empty",
     "battery_good",
     "battery_low",
@@ -42,6 +43,7 @@ EventKind: TypeAlias = Literal[
     "clock_stepped",
     "connected",
     "disconnected",
+    "driver_changed",
     "estop",
     "estop_release_refused",
     "estop_released",

@@ -38,6 +38,8 @@ ALL = {
     "routers/south.json5",
     "robots/bot1.json5",
     "robots/bot2.json5",
+    "robots/bot1.toml",
+    "robots/bot2.toml",
     "people/vera.json5",
     "people/dan.json5",
 }
@@ -102,6 +104,11 @@ def test_a_robots_settings_are_valid_and_name_its_place_and_its_router(
     assert found.connect == ("tls/north.example:7447",)
     assert found.listen == ("tcp/127.0.0.1:7448", "tls/0.0.0.0:7449")
     assert settings("bot2").zenoh.listen == ("tcp/127.0.0.1:7448",)
+    # The usual sources stay, and whoever may drive this robot has one, with the role's priority.
+    usual = {key: source.priority for key, source in Config().command.sources.items()}
+    for robot, own in (("bot1", {"cmd_vel/dan": 60}), ("bot2", {})):
+        sources = settings(robot).command.sources
+        assert {key: source.priority for key, source in sources.items()} == usual | own
 
 
 def test_an_authority_is_made_once(made: FleetFolder) -> None:
@@ -119,8 +126,9 @@ def test_adding_writes_the_files_that_are_new_or_whose_rules_changed(
         PLAN, people={**PLAN.people, "olga": PlannedPerson(role="operator", of=("north",))}
     )
     grown = folder(tmp_path, more)
-    # The router of the other site and its robot do not know her.
+    # The router of the other site and its robot do not know her. A source of her own is new.
     assert names(grown, grown.write()) == {
+        "robots/bot1.toml",
         "people/olga.json5",
         "router.json5",
         "routers/north.json5",
@@ -200,9 +208,10 @@ def test_a_site_called_all_gives_its_people_no_right_at_another_site(tmp_path: P
     fleet.begin()
     fleet.write()
     rules = rules_in(read_zenoh(fleet.folder / "router.json5"))
-    for who, allowed in (("person.vera", True), ("person.dan", False)):
-        assert is_allowed(rules, who, "put", "farm/south/bot2/cmd_vel", "ingress") is allowed
-        assert is_allowed(rules, who, "put", "farm/all/bot1/cmd_vel", "ingress")
+    for name, allowed in (("vera", True), ("dan", False)):
+        who, key = f"person.{name}", f"cmd_vel/{name}"
+        assert is_allowed(rules, who, "put", f"farm/south/bot2/{key}", "ingress") is allowed
+        assert is_allowed(rules, who, "put", f"farm/all/bot1/{key}", "ingress")
 
 
 def test_an_interrupted_run_is_made_whole_by_a_second_one(tmp_path: Path) -> None:

@@ -82,6 +82,7 @@ def test_every_certificate_has_a_name_of_its_kind_and_the_hosts_at_which_it_is_r
         ('role = "viewer"', 'rule = "viewer"', "unknown field `rule`"),
         ('fleet = "farm"', 'fleet = "Farm/1"', "'Farm/1' cannot be a name here"),
         ("[people.vera]", "[people.yahboomd]", "'yahboomd' cannot be a name here"),
+        ("[people.vera]", "[people.web]", "people.web has the name of a source of every robot"),
         ('router = "top.example:7447"', "", "with several sites `router` has to name"),
         ('"north.example:7447"', '"north.example"', "sites.north.router = 'north.example' is not"),
         ('site = "south"', 'site = "west"', "robots.bot2 is at the site 'west'"),

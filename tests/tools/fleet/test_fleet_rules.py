@@ -23,11 +23,15 @@ STOP = {"yahboomd/estop"}
 ASK = {f"yahboomd/{each}" for each in ("pose", "twist", "wheels", "imu", "battery", "status")} | {
     "yahboomd/moves"
 }
-DRIVE = {"cmd_vel", "cmd_vel/teleop", "cmd_vel/web", "yahboomd/moves/beat"}
+DRIVE = {"yahboomd/moves/beat"}
 MOVE = {f"yahboomd/moves/{each}" for each in ("start", "cancel", "pause", "resume")}
 SET = {"yahboomd/estop/reset", "yahboomd/odometry/reset", "yahboomd/odometry/set_pose"}
 READ = {"yahboomd/config", "yahboomd/board", "yahboomd/blackbox/save"}
-OTHERS = {"cmd_vel/moves", "cmd_vel/nav", "odom", "yahboomd/alive"}
+OTHERS = {f"cmd_vel/{each}" for each in ("moves", "nav", "teleop", "web")} | {
+    "cmd_vel",
+    "odom",
+    "yahboomd/alive",
+}
 """Keys that are no person's."""
 
 PUTS = {
@@ -42,7 +46,15 @@ QUERIES = {
     "operator": STOP | ASK | MOVE | SET,
     "maintainer": STOP | ASK | MOVE | SET | READ,
 }
-ALL_KEYS = STOP | ASK | DRIVE | MOVE | SET | READ | OTHERS
+OWN_SET = {f"{key}/by/" for key in SET}
+OWN = {"cmd_vel/", "yahboomd/estop/by/"} | OWN_SET
+"""Keys that end in a name."""
+OWN_PUTS = {
+    "viewer": {"yahboomd/estop/by/"},
+    "driver": {"yahboomd/estop/by/", "cmd_vel/"},
+    "operator": OWN,
+    "maintainer": OWN,
+}
 
 PEOPLE = {
     "vera": ("viewer", {"bot1", "bot2", "bot3"}),
@@ -50,6 +62,8 @@ PEOPLE = {
     "olga": ("operator", {"bot1", "bot3"}),
     "max": ("maintainer", {"bot1", "bot2", "bot3"}),
 }
+ALL_KEYS = STOP | ASK | DRIVE | MOVE | SET | READ | OTHERS
+ALL_KEYS |= {key + who for key, who in product(OWN, PEOPLE)}
 BEHIND = {"top": set(ROBOTS), "north": {"bot1", "bot2"}, "bot1": {"bot1"}}
 """The robots that each place leads to: through two routers, through one, and directly."""
 
@@ -73,7 +87,8 @@ def try_everything(fleet: FleetBench, file: str, where: str) -> None:
             full = f"{ROBOTS[name]}/{key}"
             session.put(full, f"put {file} {where}")
             session.get(full, Callback(lambda _: None), payload=f"get {file} {where}")
-        for key in ("cmd_vel", "yahboomd/estop/reset", "yahboomd/odometry/set_pose"):
+        own = f"cmd_vel/{file.rpartition(chr(47))[2]}"
+        for key in ("cmd_vel", own, "yahboomd/estop/reset", "yahboomd/odometry/set_pose"):
             for wild in (f"farm/*/*/{key}", f"farm/**/{key}", "**"):
                 session.put(wild, f"wild {file} {where}")
                 session.get(wild, Callback(lambda _: None), payload=f"wild {file} {where}")
@@ -87,14 +102,17 @@ def test_a_person_reaches_the_keys_of_the_role_at_the_robots_of_the_role_and_no_
     fleet: FleetBench, person: str, where: str
 ) -> None:
     role, mine = PEOPLE[person]
+    own = {key + person for key in OWN_PUTS[role]}
     file = f"people/{person}"
     try_everything(fleet, file, where)
     for name, robot in fleet.robots.items():
         reached = name in mine & BEHIND[where]
         # From a site to another one stops pass, and nothing else.
         far = STOP if name in mine and where == "north" else set()
-        assert heard_of(robot, f"put {file} {where}") == (PUTS[role] if reached else far)
-        assert heard_of(robot, f"get {file} {where}") == (QUERIES[role] if reached else far)
+        assert heard_of(robot, f"put {file} {where}") == (PUTS[role] | own if reached else far)
+        assert heard_of(robot, f"get {file} {where}") == (
+            QUERIES[role] | own - {f"cmd_vel/{person}"} if reached else far
+        )
         assert heard_of(robot, f"wild {file} {where}") == set()
 
 
@@ -223,10 +241,12 @@ def test_rules_are_read_as_zenoh_reads_them(fleet: FleetBench) -> None:
     file = fleet.file("routers/north").read_text().partition("\n")[2]
     rules = json.loads(file)["access_control"]
     for who, key, allowed in (
-        ("person.dan", "farm/north/bot1/cmd_vel", True),
-        ("person.dan", "farm/north/*/cmd_vel", False),
-        ("person.dan", "farm/south/bot3/cmd_vel", False),
-        ("person.vera", "farm/north/bot1/cmd_vel", False),
+        ("person.dan", "farm/north/bot1/cmd_vel/dan", True),
+        ("person.dan", "farm/north/bot1/cmd_vel/max", False),
+        ("person.dan", "farm/north/bot1/cmd_vel", False),
+        ("person.dan", "farm/north/*/cmd_vel/dan", False),
+        ("person.dan", "farm/south/bot3/cmd_vel/dan", False),
+        ("person.vera", "farm/north/bot1/cmd_vel/vera", False),
         ("robot.bot2", "farm/north/bot1/cmd_vel", False),
         ("robot.bot1", "farm/north/bot1/cmd_vel", True),
         ("nobody", "farm/north/bot1/cmd_vel", False),

@@ -17,6 +17,8 @@ from yahboomd.tools.fleet.fleet_view import (
     FleetView,
     RobotRow,
 )
+from yahboomd.tools.fleet.fleet_words import cells
+from yahboomd.tools.fleet.people_keys import own_stop
 
 S = 1_000_000_000
 STALE_NS = round(STALE_S * S)
@@ -136,6 +138,15 @@ def test_robots_of_no_list_are_shown_up_to_a_number_and_hide_none_of_the_list() 
     assert (rows[0].robot, rows[0].listed, rows[1].listed) == ("mine", True, False)
     assert view.left_out == 1001
     assert "fake9999" not in {row.robot for row in rows}
+
+
+@pytest.mark.parametrize(("by", "claimed"), [("anna", True), (own_stop("anna"), False)])
+def test_a_name_that_nothing_proves_is_marked(by: str, claimed: bool) -> None:
+    view = FleetView(["bot1"])
+    view.answered("bot1", status("estopped", why=f"Emergency stop, engaged by {by} 1 s ago."), 0)
+    row = row_of(view, "bot1")
+    assert row.claimed is claimed
+    assert ("Nothing proves that name." in cells(row)[-1]) is claimed
 
 
 def test_lies_are_cut_and_cleaned_and_numbers_that_are_none_are_left_out() -> None:

@@ -82,6 +82,8 @@ async def test_every_robot_is_stopped_and_acknowledges_under_the_rules_of_a_view
     by = '{"by":"vera, yahboomd stop --all"}'
     for robot in fleet.robots.values():
         assert ("farm/yahboomd/estop", by) in robot.heard
+        # By her own key, so that the robot records who stopped it.
+        await eventually(lambda: ("farm/*/*/yahboomd/estop/by/vera", by) in robot.heard)  # noqa: B023
 
 
 async def test_a_robot_that_does_not_answer_and_one_that_is_not_there_are_named_until_the_end(

@@ -53,11 +53,13 @@ class PlaneRequests(NamedTuple):
         commands: Returns the handler of a source's commands, which reads their time of sending as
             given.
         poses: Takes samples that set the pose.
+        event: Publishes and logs an event.
     """
 
     services: Services
     commands: Callable[[str, SentAt], Handler]
     poses: Handler
+    event: Callable[[Event], None]
 
 
 class Plane(Protocol):

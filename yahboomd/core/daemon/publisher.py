@@ -46,14 +46,11 @@ class Outputs(Protocol):
     def estimate(self, estimate: OdometryEstimate, command_m_s: tuple[float, ...]) -> None:
         """A new reading, and the rim speeds that were commanded."""
 
-    def imu(self, estimate: ImuEstimate) -> None:
-        """A sample of the inertial sensor."""
+    def imu(self, estimate: ImuEstimate) -> None: ...
 
-    def battery(self, volts: float) -> None:
-        """The voltage of the motors' supply."""
+    def battery(self, volts: float) -> None: ...
 
-    def event(self, event: Event) -> None:
-        """An event."""
+    def event(self, event: Event) -> None: ...
 
     def changed(self) -> None:
         """Note that state, driver or reason may have changed."""

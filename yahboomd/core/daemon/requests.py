@@ -202,7 +202,7 @@ class Services:
         newest: Newest,
         save_box: Callable[[], Awaitable[ServiceReply]],
     ) -> None:
-        self._operator = operator
+        self.operator = operator
         self._encoding: NativeEncoding = encoding
         self._config = config
         self._board = board
@@ -238,7 +238,7 @@ class Services:
             self._estop_samples,
             self._release_samples,
             harmless=is_release_attempt,
-            idle=self._operator.count_not_pressed,
+            idle=self.operator.count_not_pressed,
             asks_nothing=is_not_pressed,
         )
 
@@ -255,7 +255,7 @@ class Services:
         estop = key == keys.ESTOP
 
         async def acknowledged(request: BusQuery, reply: ServiceReply) -> Response:
-            reply = await self._operator.acknowledged(reply.message)
+            reply = await self.operator.acknowledged(reply.message)
             words = f"{reply.message} {_seen(reply.data)}".rstrip()
             return encode(request, msgspec.structs.replace(reply, message=words))
 
@@ -296,19 +296,19 @@ class Services:
 
     def _estop_samples(self, count: int, unread: int) -> None:
         by = f"a sample on yahboomd/estop{self._senders()}"
-        self._operator.engage_estop(by, times=count, unread=unread)
+        self.operator.engage_estop(by, times=count, unread=unread)
 
     def _release_samples(self, count: int) -> None:
-        self._operator.refuse_release("a sample on yahboomd/estop", times=count)
+        self.operator.refuse_release("a sample on yahboomd/estop", times=count)
 
     def _estop_query(self, request: BusQuery) -> ServiceReply:
         if request.harmless:
-            words = self._operator.refuse_release("a query on yahboomd/estop")
+            words = self.operator.refuse_release("a query on yahboomd/estop")
             return ServiceReply(success=False, message=words)
         unread = request.oversize or len(request.payload) > READ_BYTES
         name = "" if unread else estop_by(request.payload)
         by = name or f"a query on yahboomd/estop{self._senders()}"
-        words = self._operator.engage_estop(by, unread=int(unread))
+        words = self.operator.engage_estop(by, unread=int(unread))
         return ServiceReply(success=True, message=words)
 
     def _senders(self) -> str:
@@ -324,11 +324,11 @@ class Services:
         return f", from one of {len(near)} clients"
 
     def _estop_reset(self, _request: BusQuery) -> ServiceReply:
-        released, words = self._operator.release_estop()
+        released, words = self.operator.release_estop()
         return ServiceReply(success=released, message=words)
 
     def _odometry_reset(self, _request: BusQuery) -> ServiceReply:
-        return ServiceReply(success=True, message=self._operator.set_pose(Pose2d(), None))
+        return ServiceReply(success=True, message=self.operator.set_pose(Pose2d(), None))
 
     def _set_pose(self, request: BusQuery) -> ServiceReply:
         wanted = decode_set_pose(request.payload)
@@ -337,7 +337,7 @@ class Services:
             words = f"The pose stays as it is: {problem}. {SET_POSE_TAKES}"
             return ServiceReply(success=False, message=words)
         pose = Pose2d(x=wanted.x, y=wanted.y, theta=wanted.theta)
-        return ServiceReply(success=True, message=self._operator.set_pose(pose, wanted.covariance))
+        return ServiceReply(success=True, message=self.operator.set_pose(pose, wanted.covariance))
 
     def _answer_config(self, _request: BusQuery) -> ServiceReply:
         data = {"version": __version__, **self._config()}

@@ -223,7 +223,7 @@ class Daemon:
             bus.subscribe(source, intake.handler(source), keep_oversize=True)
         poses = PoseIntake(operator, config.ros2.frame_prefix + config.odometry.frame_id)
         bus.subscribe(keys.ODOMETRY_SET_POSE, poses.accept)
-        requests = PlaneRequests(services, intake.handler, poses.accept)
+        requests = PlaneRequests(services, intake.handler, poses.accept, controller.event)
         self._planes.start(bus, config, clock, requests)
         BusPresence(
             bus, report=controller.event, bus_lost=controller.bus_lost, changed=self.changed

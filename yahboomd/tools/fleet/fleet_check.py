@@ -90,7 +90,8 @@ def _has(
     rules: Mapping[str, AccessControl], who: str, hops: tuple[str, ...], place: str, right: Right
 ) -> bool:
     """Whether each key of a right below a namespace passes each hop, in and out."""
-    needed = [(message, f"{place}/{key}") for message in right.messages for key in right.keys]
+    own = right.keys_of(who.removeprefix("person."))
+    needed = [(message, f"{place}/{key}") for message in right.messages for key in own]
     for here, onward in zip(hops, (*hops[1:], ""), strict=True):
         section = rules.get(here)
         if section is None:

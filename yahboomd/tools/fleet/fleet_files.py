@@ -12,9 +12,11 @@ import os
 from collections.abc import Callable, Iterable
 from datetime import datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
+from yahboomd.core.config import Config
 from yahboomd.core.errors import ConfigError
 from yahboomd.tools.fleet.authority import Authority, Issued, end_of, make_authority
 from yahboomd.tools.fleet.fleet_list import FLEET, FleetList, ZenohFile, read_zenoh
@@ -27,9 +29,13 @@ from yahboomd.tools.fleet.fleet_plan import (
     router_id,
 )
 from yahboomd.tools.fleet.fleet_rules import AccessControl, robot_rules, router_rules
+from yahboomd.tools.fleet.people_keys import own_source
 
 ROUTERS, ROBOTS, PEOPLE = "routers", "robots", "people"
 KEY, CERTIFICATE, REVOKED = "authority.key", "authority.pem", "revoked.json"
+DRIVING = {"driver": 60, "operator": 70, "maintainer": 80}
+"""The priority of a person's commands by role: above the robot's page, below its own joystick."""
+
 _HEADER = "// Made by `yahboomd fleet`. It has a private key in it: nobody else may read it.\n"
 _CONFIG = "/etc/yahboomd/zenoh.json5"
 
@@ -133,7 +139,11 @@ class FleetFolder:
             if robot_id(robot) in gone:
                 path.unlink(missing_ok=True)
             else:
-                _keep(path, self._robot_toml(robot).encode())
+                text = self._robot_toml(robot)
+                if not path.exists() or path.read_text() != text:
+                    tell(path)
+                    _keep(path, text.encode())
+                    changed.append(path)
         return changed
 
     def revoke(self, name: str) -> Revocation:
@@ -272,7 +282,30 @@ class FleetFolder:
             f'config = "{_CONFIG}"\n'
             "[estop]\n"
             f"groups = {json.dumps(plan.groups(robot))}\n"
+            "[command.sources]\n" + self._sources(robot)
         )
+
+    def _sources(self, robot: str) -> str:
+        """The usual sources, and a key for each person who may drive the robot.
+
+        A revoked person keeps it: the rules refuse its use, and this file need not be copied.
+        """
+        plan = self._plan
+        sources = {
+            key: {"priority": source.priority, "timeout_s": source.timeout_s}
+            for key, source in Config().command.sources.items()
+        }
+        for person, planned in plan.people.items():
+            if planned.role in DRIVING and plan.reaches(person, robot):
+                sources[own_source(person)] = {
+                    "priority": DRIVING[planned.role],
+                    "timeout_s": 0.3,
+                }
+        return "".join(f'"{key}" = {{ {_inline(source)} }}\n' for key, source in sources.items())
+
+
+def _inline(source: dict[str, Any]) -> str:
+    return ", ".join(f"{name} = {value}" for name, value in source.items() if value is not None)
 
 
 def identity_in(file: ZenohFile) -> Issued:

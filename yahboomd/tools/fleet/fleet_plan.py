@@ -13,6 +13,7 @@ from yahboomd.core.bus import keys
 from yahboomd.core.bus.keys import full_key
 from yahboomd.core.errors import ConfigError
 from yahboomd.core.names import host_and_port
+from yahboomd.tools.fleet.people_keys import PLACES
 
 Role: TypeAlias = Literal["viewer", "driver", "operator", "maintainer"]
 """The roles; each may do everything that the ones before it may."""
@@ -185,6 +186,8 @@ def plan_problem(plan: FleetPlan) -> str:
             )
     places = {*plan.sites, *(f"{robot.site}/{name}" for name, robot in plan.robots.items())}
     for name, person in plan.people.items():
+        if name in PLACES:
+            return f"people.{name} has the name of a source of every robot, cmd_vel/{name}."
         for each in person.of:
             if each not in places:
                 return f"people.{name}.of has {each!r}, which is neither a site nor site/robot."

@@ -22,6 +22,7 @@ from yahboomd.tools.fleet.fleet_plan import (
     router_id,
     stop_key,
 )
+from yahboomd.tools.fleet.people_keys import own_key, own_source
 
 READING = ("declare_subscriber", "liveliness_query", "declare_liveliness_subscriber")
 EVERYTHING = (
@@ -37,6 +38,7 @@ EVERYTHING = (
 
 ROLES: tuple[Role, ...] = ("viewer", "driver", "operator", "maintainer")
 
+PERSON = "PERSON"
 _MOVES = "yahboomd/moves"
 _SETTING = (keys.ESTOP_RESET, keys.ODOMETRY_RESET, keys.ODOMETRY_SET_POSE)
 _OUT = "everything out"
@@ -52,23 +54,26 @@ class Right(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         role: The least role that has it.
         messages: Zenoh's messages for it.
-        keys: Their keys, below the robot's namespace.
+        keys: Their keys, below the robot's namespace; ``PERSON`` in them stands for the person's
+            name: nobody else has these.
     """
 
     role: Role
     messages: tuple[str, ...]
     keys: tuple[str, ...]
 
+    def keys_of(self, person: str) -> tuple[str, ...]:
+        """The keys of one person."""
+        return tuple(key.replace(PERSON, person) for key in self.keys)
+
 
 RIGHTS = {
     "watch": Right(role="viewer", messages=READING, keys=("**",)),
     "ask": Right(role="viewer", messages=("query",), keys=(*keys.SAMPLES, _MOVES)),
-    "stop": Right(role="viewer", messages=("put", "query"), keys=(keys.ESTOP,)),
-    "drive": Right(
-        role="driver",
-        messages=("put",),
-        keys=(keys.CMD_VEL, keys.CMD_VEL_TELEOP, keys.CMD_VEL_WEB),
+    "stop": Right(
+        role="viewer", messages=("put", "query"), keys=(keys.ESTOP, own_key(keys.ESTOP, PERSON))
     ),
+    "drive": Right(role="driver", messages=("put",), keys=(own_source(PERSON),)),
     "move": Right(
         role="driver",
         messages=("query",),
@@ -79,7 +84,11 @@ RIGHTS = {
         messages=("put", "liveliness_token"),
         keys=(f"{_MOVES}/beat", f"{_MOVES}/holder/*"),
     ),
-    "release and set the pose": Right(role="operator", messages=("put", "query"), keys=_SETTING),
+    "release and set the pose": Right(
+        role="operator",
+        messages=("put", "query"),
+        keys=(*_SETTING, *(own_key(key, PERSON) for key in _SETTING)),
+    ),
     "read the configuration": Right(
         role="maintainer", messages=("query",), keys=(*keys.READ_ONLY, keys.BLACKBOX_SAVE)
     ),
@@ -216,10 +225,14 @@ def _people(rules: RuleSet, plan: FleetPlan, robots: list[str], gone: set[str]) 
         for name, right in RIGHTS.items():
             if ROLES.index(right.role) > ROLES.index(planned.role):
                 continue
-            exact = [f"{plan.namespace(each)}/{key}" for each in mine for key in right.keys]
+            exact = [
+                f"{plan.namespace(each)}/{key}" for each in mine for key in right.keys_of(person)
+            ]
             wide = name in _BY_WILDCARD
             key_exprs = _wide(plan, person, name, right) if wide else exact
-            rules.allow(who, f"{name}: {of}", right.messages, key_exprs, "ingress")
+            # A rule with a name in it is one person's.
+            named = f" of {person}" if right.keys_of(person) != right.keys else ""
+            rules.allow(who, f"{name}{named}: {of}", right.messages, key_exprs, "ingress")
 
 
 def _wide(plan: FleetPlan, person: str, name: str, right: Right) -> list[str]:
@@ -227,11 +240,12 @@ def _wide(plan: FleetPlan, person: str, name: str, right: Right) -> list[str]:
     for place in plan.places(person):
         depth = place.count("/")
         if name == "stop":
-            found.append(_every_stop(place) if depth < 2 else stop_key(place))
+            every = _every_stop(place) if depth < 2 else stop_key(place)
+            found += [every, own_key(every, person)]
         elif name == "watch":
             found.append(f"{place}/**")
         else:
-            found += [f"{place}{'/*' * (2 - depth)}/{key}" for key in right.keys]
+            found += [f"{place}{'/*' * (2 - depth)}/{key}" for key in right.keys_of(person)]
     return found
 
 

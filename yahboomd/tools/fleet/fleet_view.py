@@ -16,6 +16,7 @@ from yahboomd.client.streams import STATES, reason
 from yahboomd.core.clock import nanoseconds, seconds
 from yahboomd.core.messages.native import DRIVABLE, StatusSample
 from yahboomd.core.program import pasteable, plain
+from yahboomd.tools.fleet.people_keys import claims_a_name
 
 STALE_S = 6.0
 """A robot without an answer for this time is not known to do anything."""
@@ -56,6 +57,7 @@ class RobotRow(msgspec.Struct, frozen=True, kw_only=True):
         version: The version of its daemon; empty if it is not known.
         calibrated: Whether its geometry was calibrated; null if it is not known.
         seen_s: The time since its latest answer; null if it never answered.
+        claimed: Whether the name in ``why`` is one that the emergency stop's request only claims.
         listed: Whether it is in the person's list.
     """
 
@@ -71,6 +73,7 @@ class RobotRow(msgspec.Struct, frozen=True, kw_only=True):
     version: str = ""
     calibrated: bool | None = None
     seen_s: float | None = None
+    claimed: bool = False
     listed: bool = True
 
 
@@ -210,6 +213,7 @@ def _row(name: str, seen: _Seen, now_ns: int) -> RobotRow:
         version=seen.version,
         calibrated=seen.calibrated,
         seen_s=age_s,
+        claimed=claims_a_name(seen.why),
         listed=seen.listed,
     )
 

@@ -47,7 +47,7 @@ def cells(row: RobotRow) -> tuple[str, ...]:
         row.version or "-",
         calibrated,
         seen,
-        "" if row.needs in _OUT_OF_SIGHT else row.why,
+        "" if row.needs in _OUT_OF_SIGHT else f"{row.why}{_CLAIMED if row.claimed else ''}",
     )
 
 
@@ -72,4 +72,5 @@ def one_line(row: RobotRow) -> str:
     return "  ".join(filter(None, told))
 
 
+_CLAIMED = " (Nothing proves that name.)"
 _OUT_OF_SIGHT = frozenset({"lost in motion", "does not answer", "not reachable"})

@@ -1,7 +1,8 @@
 """Stops every robot of a fleet, over every router that leads to it, until each acknowledged.
 
 The stop goes out as a sample on the key of each group, for every robot there, known or not; and as
-a query, which each robot answers on its own key. The routers' rules let a robot's certificate
+a query, which each robot answers on its own key; and once by the person's own key, so that each
+robot records who stopped it. The routers' rules let a robot's certificate
 answer on no other key, so that nobody acknowledges for another robot.
 """
 
@@ -29,6 +30,7 @@ from yahboomd.tools.fleet.fleet_list import FleetList
 from yahboomd.tools.fleet.fleet_plan import stop_key
 from yahboomd.tools.fleet.fleet_stop import FleetStop
 from yahboomd.tools.fleet.fleet_way import FleetWay
+from yahboomd.tools.fleet.people_keys import own_key
 
 AGAIN_S = 0.5
 """Missing robots are asked again this often."""
@@ -56,7 +58,8 @@ class StopWay(FleetWay):
         """Send at once, and again while robots are missing."""
         mine = list(filter(self.leads_to, self._stop.progress.robots))
         # First one question for all: it reaches robots that are not in the list, too.
-        await self._send(bus, self.wide(keys.ESTOP))
+        own = own_key(keys.ESTOP, self._stop.person)
+        await self._send(bus, [*self.wide(keys.ESTOP), *self.wide(own)])
         for robot in mine:
             pattern = holder_key(full_key(robot, keys.ALIVE), "*")
             bus.watch_tokens(pattern, partial(self._stop.seen, self, robot))
@@ -107,6 +110,7 @@ class StopAll:
         clock: Clock,
     ) -> None:
         self.progress = progress
+        self.person = fleet.person
         self.payload = msgspec.json.encode(
             {"by": f"{fleet.person[:_LONGEST_NAME]}, yahboomd stop --all"}
         )

@@ -93,6 +93,23 @@ class BoardClockEvent(_EventOfKind, frozen=True, kw_only=True):
     data: BoardClockData
 
 
+class PersonData(msgspec.Struct, frozen=True, kw_only=True):
+    """A key that was used, and whose alone it is."""
+
+    name: Annotated[str, Meta(description="The person; empty if the key is no person's.")]
+    key: Annotated[
+        str | None, Meta(description="The service's key, or the source; null: no source drives.")
+    ]
+    done: Annotated[bool | None, Meta(description="Whether the service did it; null: no service.")]
+
+
+class PersonEvent(_EventOfKind, frozen=True, kw_only=True):
+    """Who did something, in a fleet."""
+
+    kind: Literal["asked_by_name", "driver_changed"]
+    data: PersonData
+
+
 class ClockSteppedData(msgspec.Struct, frozen=True, kw_only=True):
     """A step of this machine's clock."""
 
@@ -208,6 +225,14 @@ def _wheel(when: str, severity: Severity = "error") -> KindInfo:
 
 
 KINDS: dict[EventKind, KindInfo] = {
+    "asked_by_name": KindInfo(
+        ("info",),
+        "In a fleet: somebody used a service by a key that is one person's alone.",
+        PersonEvent,
+    ),
+    "driver_changed": KindInfo(
+        ("info",), "In a fleet: another source has control, or none any more.", PersonEvent
+    ),
     "connected": KindInfo(("info",), "A board was recognised."),
     "disconnected": KindInfo(("error",), "A connected board was lost."),
     "board_unfit": KindInfo(

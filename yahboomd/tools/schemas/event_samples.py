@@ -35,6 +35,10 @@ _EXAMPLES: dict[EventKind, tuple[str, dict[str, Any]]] = {
         "cmd_vel: Its clock is 0.75 s ahead of this machine's.",
         {"source": "cmd_vel"},
     ),
+    "asked_by_name": (
+        "anna asked for yahboomd/estop/reset: Released.",
+        {"name": "anna", "key": "yahboomd/estop/reset", "done": True},
+    ),
     "paused": ("yahboomd did not run for 1.5 s.", {"duration_s": 1.5}),
     "gyro_unfit": ("The board sends no samples of its inertial sensor.", {"problem": "silent"}),
     "wheels_slip": (
