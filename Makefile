@@ -53,8 +53,14 @@ single-rooms: $(VENV)/.dev
 
 test: $(VENV)/.dev check ## set up, and pass every check of the daemon (ARGS='tests/drive -x' runs these tests only)
 
-check: lint types imports schemas-check ## the same in the environment that is there
+check: $(VENV)/.dev ## the same in the environment that is there
+	@$(MAKE) --no-print-directory -j $(CORES) lint types imports schemas-check compiled
 	$(PYTEST) $(PARALLEL) $(REST) $(ARGS)
+
+# Each process of tests would compile all of them for itself, at the same time. Errors are shown there.
+.PHONY: compiled
+compiled: $(VENV)/.dev
+	@$(PYTEST) -q --collect-only $(REST) $(ARGS) >/dev/null 2>&1 || true
 
 lint: $(VENV)/.dev ## style and format
 	$(BIN)/ruff check .
