@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import functools
 import math
 
 import pytest
@@ -13,11 +14,16 @@ from benchmarks.results import Section, Table
 HZ = 20
 
 
-def tables(fill, about: str) -> list[Table]:
-    """The tables whose titles contain ``about``."""
+@functools.cache
+def filled(fill) -> Section:
     section = Section(name="exactness", title="Exactness", about="Errors.", how="Counted.")
     fill(section, (HZ,))
-    return [table for table in section.tables if about in table.title]
+    return section
+
+
+def tables(fill, about: str) -> list[Table]:
+    """The tables whose titles contain ``about``."""
+    return [table for table in filled(fill).tables if about in table.title]
 
 
 @pytest.mark.parametrize(("fill", "names"), [(tables_of_paths, PATHS), (tables_of_records, DRIVES)])
