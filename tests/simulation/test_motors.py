@@ -13,7 +13,7 @@ LAW = MotorLaw(max_speed_m_s=1.15, dead_zone=1950, time_constant_s=0.06, ticks_p
 
 
 def turn(motor: MotorState, seconds: float) -> float:
-    return sum(motor.advance(0.001) for _ in range(round(seconds * 1000)))
+    return sum(motor.advance(0.001, round(seconds * 1000)))
 
 
 def driven(
@@ -168,5 +168,5 @@ def test_no_wheel_is_faster_than_full_output_makes_it(outputs: list[int], fault:
     motor.faults = FAULTS[fault]
     for pwm in outputs:
         motor.pwm = pwm
-        assert abs(motor.advance(0.05)) <= 1.15 * 0.05 + 1e-9
+        assert abs(*motor.advance(0.05)) <= 1.15 * 0.05 + 1e-9
         assert abs(motor.speed_m_s) <= 1.15 + 1e-9

@@ -7,6 +7,7 @@ motor), so that all drives integrate by the same formula.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TypeAlias, assert_never
 
 from yahboomd.core.model import Pose2d, Twist2d
@@ -88,7 +89,7 @@ class ChassisTruth:
         """Metres, metres, radians (not wrapped)."""
         return Pose2d(x=self._x, y=self._y, theta=self._theta)
 
-    def body(self, rims: list[float]) -> Share:
+    def body(self, rims: Sequence[float]) -> Share:
         """The body's motion for these rim motions (travel or speed), one per motor."""
         ahead = left = turn = 0.0
         for rim, (part_ahead, part_left, part_turn) in zip(rims, self._parts, strict=True):
@@ -99,12 +100,12 @@ class ChassisTruth:
             turn = ahead * self.turn_per_m
         return ahead, left, turn
 
-    def twist(self, speeds_m_s: list[float]) -> Twist2d:
+    def twist(self, speeds_m_s: Sequence[float]) -> Twist2d:
         """The body's velocity for these rim speeds."""
         vx, vy, wz = self.body(speeds_m_s)
         return Twist2d(vx=vx, vy=vy, wz=wz)
 
-    def advance(self, travels_m: list[float]) -> None:
+    def advance(self, travels_m: Sequence[float]) -> None:
         """Move by one fine step.
 
         A constant twist moves along R(theta + turn/2) (ahead, left) sinc(turn/2), exactly.

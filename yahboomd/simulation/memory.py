@@ -119,7 +119,11 @@ class MemoryPort:
             return
         if self._timer is not None:
             self._timer.cancel()
-        self._timer = self._loop.call_at(self.robot.next_ns / NS_PER_S, self._wake)
+        self._timer = self._loop.call_at(self.robot.next_ns / NS_PER_S, self._ring)
+
+    def _ring(self) -> None:
+        self._timer = None
+        self._wake()
 
     def _wake(self) -> None:
         for chunk in self.robot.advance(self._now_ns()):

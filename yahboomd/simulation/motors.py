@@ -120,31 +120,38 @@ class MotorState:
         """Whether it stands and nothing will turn it."""
         return self.speed_m_s == 0.0 and self._drive()[0] == 0.0
 
-    def advance(self, dt_s: float) -> float:
-        """Turn for ``dt_s`` with the output held; return the rim travel in metres.
+    def advance(self, dt_s: float, steps: int = 1) -> list[float]:
+        """Turn for steps of ``dt_s`` with the output held; return the rim travel of each in metres.
 
-        The speed is the exact solution of the first-order law over the step, and the travel its
+        The speed is the exact solution of the first-order law over a step, and the travel its
         exact integral.
         """
         if self.faults.stalled:
             self.speed_m_s = 0.0
-            return 0.0
+            return [0.0] * steps
         wanted, time_constant_s, friction = self._drive()
-        before = self.speed_m_s
         decay = math.exp(-dt_s / time_constant_s)
-        after = wanted + (before - wanted) * decay
-        travel = wanted * dt_s + (before - wanted) * time_constant_s * (1.0 - decay)
-        if friction:
-            # Only sliding friction brings an exponential decay to a standstill.
-            slowed = max(0.0, abs(after) - friction * dt_s)
-            after = math.copysign(slowed, after) if slowed else 0.0
-            travel = (before + after) * 0.5 * dt_s
-        elif wanted == 0.0 and abs(after) < 1e-4:
-            after = 0.0
-        self.speed_m_s = after
-        self.travel_m += travel
-        self._encoder_ticks += travel * self._ticks_per_metre()
-        return travel
+        ticks_per_metre = self._ticks_per_metre()
+        travels = []
+        for _ in range(steps):
+            if friction and self.pull_m_s2:
+                # What pulls a wheel that coasts depends on whether it turns.
+                wanted, _, _ = self._drive()
+            before = self.speed_m_s
+            after = wanted + (before - wanted) * decay
+            travel = wanted * dt_s + (before - wanted) * time_constant_s * (1.0 - decay)
+            if friction:
+                # Only sliding friction brings an exponential decay to a standstill.
+                slowed = max(0.0, abs(after) - friction * dt_s)
+                after = math.copysign(slowed, after) if slowed else 0.0
+                travel = (before + after) * 0.5 * dt_s
+            elif wanted == 0.0 and abs(after) < 1e-4:
+                after = 0.0
+            self.speed_m_s = after
+            self.travel_m += travel
+            self._encoder_ticks += travel * ticks_per_metre
+            travels.append(travel)
+        return travels
 
     def _drive(self) -> Drive:
         law, faults = self.law, self.faults

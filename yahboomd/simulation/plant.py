@@ -131,10 +131,11 @@ class Plant:
             return
         steps = -(-elapsed_ns // STEP_NS)
         dt_s = elapsed_ns / steps / 1e9
-        for _ in range(steps):
+        ways = [motor.advance(dt_s, steps) for motor in self.motors]
+        for travels in zip(*ways, strict=True):
             if self._steered_deg != self._steer_to_deg:
                 self._turn_servo(dt_s)
-            self.chassis.advance([motor.advance(dt_s) for motor in self.motors])
+            self.chassis.advance(travels)
 
 
 def _motor(options: SimulationOptions, wire: Wiring, phase: float) -> MotorState:

@@ -101,20 +101,21 @@ class SimulatedRobot:
     @property
     def next_ns(self) -> int:
         """The next moment at which :meth:`advance` is worth calling."""
-        wake_ns = self._now_ns + WAKE_NS
+        now_ns, line = self._now_ns, self.impairments
+        wakes_ns = [now_ns + WAKE_NS, self.board.speaks_ns]
         if self._late:
-            wake_ns = min(wake_ns, self._late[0][0])
+            wakes_ns.append(self._late[0][0])
         if not self._to_board.empty:
-            wake_ns = min(wake_ns, self._to_board.idle_ns, self._now_ns + BUSY_WAKE_NS)
+            wakes_ns += self._to_board.idle_ns, now_ns + BUSY_WAKE_NS
         if not self._to_host.empty:
-            wake_ns = min(wake_ns, self._chunk_ns())
+            wakes_ns.append(self._chunk_ns())
         if self._actions:
-            wake_ns = min(wake_ns, self._actions[0][0])
-        if self._now_ns < self.impairments.babbles_until_ns:
-            wake_ns = min(wake_ns, self._now_ns + BUSY_WAKE_NS)
-        if self._now_ns < self.impairments.stalled_until_ns:
-            wake_ns = min(wake_ns, self.impairments.stalled_until_ns)
-        return max(self._now_ns + 1, min(wake_ns, self.board.speaks_ns))
+            wakes_ns.append(self._actions[0][0])
+        if now_ns < line.babbles_until_ns:
+            wakes_ns.append(now_ns + BUSY_WAKE_NS)
+        if now_ns < line.stalled_until_ns:
+            wakes_ns.append(line.stalled_until_ns)
+        return max(now_ns + 1, min(wakes_ns))
 
     # Faults and other events.
 

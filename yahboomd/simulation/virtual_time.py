@@ -39,15 +39,20 @@ class _Selector(selectors.BaseSelector):
 
     def __init__(self) -> None:
         self._real = selectors.DefaultSelector()
+        self._files = 0
         self.now_ns = START_NS
 
     def register(
         self, fileobj: FileDescriptorLike, events: int, data: object = None
     ) -> selectors.SelectorKey:
-        return self._real.register(fileobj, events, data)
+        key = self._real.register(fileobj, events, data)
+        self._files += 1
+        return key
 
     def unregister(self, fileobj: FileDescriptorLike) -> selectors.SelectorKey:
-        return self._real.unregister(fileobj)
+        key = self._real.unregister(fileobj)
+        self._files -= 1
+        return key
 
     def modify(
         self, fileobj: FileDescriptorLike, events: int, data: object = None
@@ -62,7 +67,7 @@ class _Selector(selectors.BaseSelector):
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
         # The loop's own pipe only wakes a waiting loop, and this one never waits.
-        ready = self._real.select(0) if len(self._real.get_map()) > 1 else []
+        ready = self._real.select(0) if self._files > 1 else []
         if ready or timeout == 0:
             return ready
         if timeout is None:
