@@ -151,6 +151,7 @@ class Site:
         namespace: str = "",
         folder: Path = FOLDER,
         camera: str = "",
+        fleet: Path | None = None,
     ) -> None:
         clock = clock or SystemClock()
         self._listener = listen("127.0.0.1", 0)
@@ -172,6 +173,7 @@ class Site:
             recordings=state / "recordings",
             load=lambda: read(None, environ={}, overrides=overrides),
             camera=camera,
+            fleet=fleet,
         )
         options = client_options(endpoint, namespace=namespace)
         self.hub = PageHub(options, clock, tools, sessions=self.sessions)

@@ -128,6 +128,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="make a certificate for the addresses and names of this machine; serve nothing",
     )
+    parser.add_argument(
+        "--fleet",
+        metavar="FILE",
+        type=Path,
+        help="your file of `yahboomd fleet`: the page lists its robots too, and stops all of them",
+    )
     add_source_option(parser, PAGE_SOURCE)
     add_bus_options(parser)
     add_config_options(parser)
@@ -170,6 +176,7 @@ def run(args: argparse.Namespace) -> int:
             recordings=folder / "recordings",
             load=lambda: read_config(args),
             camera=loaded.config.web.camera,
+            fleet=args.fleet,
         ),
     )
     return asyncio.run(_serve(setup))

@@ -22,6 +22,7 @@ from yahboomd.web.beats import LAPSE_NS, PERIOD_NS, Beats
 from yahboomd.web.camera_feed import CameraFeed
 from yahboomd.web.page_calibration import FORMS
 from yahboomd.web.page_commands import LATE, NOT_YOURS, Aim, PageCommands, PageRefusal, Wanted
+from yahboomd.web.page_fleet import PageFleet
 from yahboomd.web.page_frames import (
     Control,
     Drive,
@@ -109,6 +110,7 @@ class PageHub:
         )
         self.moves = PageMoves(self.robot, lambda: self._show({"move": self.moves.shown()}))
         self.camera = CameraFeed(settings.camera, clock) if settings.camera else None
+        self.fleet = PageFleet(settings.fleet, clock) if settings.fleet else None
         self._aims = False
         self._has_moves = False
         self._commands = PageCommands(
@@ -152,6 +154,8 @@ class PageHub:
             await asyncio.gather(*tasks, return_exceptions=True)
             await self.moves.close()
             await self.tools.close()
+            if self.fleet is not None:
+                await self.fleet.close()
             self._commands.close()
 
     def stop(self) -> None:
@@ -415,6 +419,7 @@ class PageHub:
             lapse_ms=LAPSE_NS // NS_PER_MS,
             source=self.robot.source,
             camera=self.camera is not None,
+            fleet=self.fleet is not None,
             views=VIEWS,
             calibrations=FORMS,
         )

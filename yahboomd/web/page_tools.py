@@ -23,12 +23,14 @@ class ToolSettings(msgspec.Struct, frozen=True, kw_only=True):
         robot: Options with the daemon's address, for every command that talks to it.
         load: Reads the configuration of the robot's machine anew.
         camera: The address of the robot's camera; empty if it has none.
+        fleet: A person's file with the robots of a fleet; None if pages show no other robots.
     """
 
     robot: tuple[str, ...]
     recordings: Path
     load: Callable[[], Loaded]
     camera: str = ""
+    fleet: Path | None = None
 
 
 class PageTools:

@@ -75,6 +75,9 @@ class WebApplication:
             *Downloads(hub.tools, access.role).routes,
             WebSocketRoute("/ws", self._page),
         ]
+        if hub.fleet is not None:
+            routes.append(Route("/fleet", self._fleet, methods=["GET"]))
+            routes.append(Route("/fleet/stop", self._stop_fleet, methods=["POST"]))
         if hub.camera is not None:
             self._viewers = CameraViewers(hub.camera, clock)
             routes.append(WebSocketRoute("/camera", self._camera))
@@ -108,6 +111,20 @@ class WebApplication:
             return json_answer(200, engaged=True, text=answer.message)
         text = f"{answer.message} Switch the motors' supply off."
         return json_answer(503, engaged=False, text=text)
+
+    async def _fleet(self, request: Request) -> Response:
+        assert self._hub.fleet is not None
+        if self._access.role(request) is None:
+            return self._access.refusal(request)
+        return json_answer(200, **self._hub.fleet.shown())
+
+    async def _stop_fleet(self, request: Request) -> Response:
+        """Stop all robots; everybody who may stop this one may."""
+        assert self._hub.fleet is not None
+        if self._access.role(request) is None:
+            return self._access.refusal(request)
+        self._hub.fleet.stop()
+        return json_answer(200, **self._hub.fleet.shown())
 
     async def _page(self, socket: WebSocket) -> None:
         phone = self._access.phone(socket)

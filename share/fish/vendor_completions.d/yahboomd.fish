@@ -231,6 +231,7 @@ complete -c yahboomd -n '__yahboomd_at web' -l show-link -d 'make a link to driv
 complete -c yahboomd -n '__yahboomd_at web' -l sessions -d 'list the phones that may use the page'
 complete -c yahboomd -n '__yahboomd_at web' -l end-session -x -d 'end the session of a phone by its number in that list, or of all phones'
 complete -c yahboomd -n '__yahboomd_at web' -l make-certificate -d 'make a certificate for the addresses and names of this machine'
+complete -c yahboomd -n '__yahboomd_at web' -l fleet -r -F -d 'your file of `yahboomd fleet`: the page lists its robots too, and stops all of them'
 complete -c yahboomd -n '__yahboomd_at web' -l source -x -d 'the key to command on'
 complete -c yahboomd -n '__yahboomd_at web' -l namespace -x -d 'name of the robot, short for --set zenoh.namespace=NAME'
 complete -c yahboomd -n '__yahboomd_at web' -l connect -x -d 'where to reach the daemon or its router, such as tcp/192.168.1.5:7447'

@@ -134,7 +134,6 @@ async def test_a_liar_with_a_robots_certificate_changes_its_own_row_alone(
     fakes.append(liar.liveliness().declare_token(f"{TWO}/yahboomd/alive/last"))
     async with looking(read_list(bench.file("people/vera")), bench, "vera") as feed:
         await eventually(lambda: rows(feed)[TWO].needs == "fault" and rows(feed)[ONE].can_drive)
-        feed.read()
         found = rows(feed)
         assert found[THREE].why != "A lie."
         # Below its own namespace it may pretend whatever it wants: it is in no place of robots.
@@ -142,6 +141,47 @@ async def test_a_liar_with_a_robots_certificate_changes_its_own_row_alone(
     for each in (lying, own, *fakes):
         each.undeclare()
     bench.robots["bot2"].answers = bench.robots["bot1"].answers
+
+
+OLDER = {
+    "stamp_ns": 1,
+    "state": "standing",
+    "driver": None,
+    "since_ns": 1,
+    "why": "At rest.",
+    **{group: {} for group in ("board", "link", "command", "bus")},
+}
+"""A status of version 0.1 with nothing that came later."""
+
+NEWER = {
+    **OLDER,
+    "state": "parked",
+    "mood": [1, {"sunny": True}],
+    "board": {"volts": 12.0, "cells": [4.0, [4.1]], "battery": "splendid"},
+    "bus": {"zid": "c", "peers": {"a": {"b": {"c": {"d": {"e": 1}}}}}},
+}
+"""One of a later version: a state, fields and shapes that this one does not know."""
+
+
+async def test_robots_of_an_older_and_of_a_later_version_are_both_there() -> None:
+    endpoint = free_endpoint()
+    with zenoh.open(zenoh_config(BusOptions(listen=(endpoint,), connect=()))) as router:
+        for name, facts in (("old", OLDER), ("new", NEWER)):
+            key, payload = f"{name}/yahboomd/status", msgspec.json.encode(facts)
+
+            def answer(query: zenoh.Query, key: str = key, payload: bytes = payload) -> None:
+                query.reply(key, payload)
+                query.drop()
+
+            router.declare_queryable(key, Callback(answer, indirect=False))
+        fleet = FleetList(person="", role="maintainer", ways={endpoint: [""]}, robots=[])
+        async with looking(fleet, None) as feed:
+            await eventually(lambda: [*rows(feed)] == ["new", "old"])
+            found = rows(feed)
+    assert (found["old"].needs, found["old"].can_drive) == ("", True)
+    # Whoever does not know its state does not claim that it may drive.
+    assert (found["new"].needs, found["new"].can_drive) == ("unknown state", False)
+    assert (found["new"].state, found["new"].volts) == ("parked", 12.0)
 
 
 async def test_a_flood_of_robots_of_no_list_leaves_the_listed_one_and_a_number() -> None:
@@ -167,3 +207,21 @@ async def test_a_flood_of_robots_of_no_list_leaves_the_listed_one_and_a_number()
             await eventually(lambda: rows(feed)["mine"].can_drive and feed.view.left_out > 2000)
             assert len(rows(feed)) == MOST_UNLISTED + 1
         del tokens
+
+
+async def test_whatever_else_is_due_comes_between_two_answers() -> None:
+    """The server of a page drives a robot meanwhile: no flood of answers delays its commands."""
+    fleet = FleetList(person="", role="viewer", ways={}, robots=[f"bot{n}" for n in range(100)])
+    feed = FleetFeed(fleet, None, FleetView(fleet.robots), SystemClock())
+    feed._answers = {f"{robot}/yahboomd/status": STANDING for robot in fleet.robots}
+    turns = []
+
+    async def command() -> None:
+        while True:
+            turns.append(len(driving(feed)))
+            await asyncio.sleep(0)
+
+    task = asyncio.create_task(command())
+    await feed._read_all()
+    task.cancel()
+    assert turns[-100:] == [*range(turns[-1] - 99, turns[-1] + 1)]

@@ -88,6 +88,7 @@ def test_every_certificate_has_a_name_of_its_kind_and_the_hosts_at_which_it_is_r
         ('site = "south"', 'site = "west"', "robots.bot2 is at the site 'west'"),
         ("192.168.1.20:7449", "192.168.1.20:7448", "robots.bot1.address has the port 7448"),
         ('of = ["north"]', 'of = ["bot1"]', "people.dan.of has 'bot1', which is neither"),
+        ("[people.vera]", "page = 'javascript:1'\n[people.vera]", "page is no address such as"),
         ('of = ["north"]', "of = []", "Expected `array` of length >= 1 - at `$.people"),
         ("[people.vera]", f"[people.{'v' * 51}]", "cannot be a name here: up to 50"),
         ("north.example:7447", "bücher.example:7447", "is not host:port"),

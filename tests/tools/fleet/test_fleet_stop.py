@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 
+from yahboomd.client.streams import read_sample
 from yahboomd.core.messages.native import ServiceReply
 from yahboomd.tools.fleet.fleet_stop import STAND_WITHIN_S, FleetStop
 
@@ -126,6 +127,23 @@ def test_a_robot_that_is_in_no_list_and_answers_is_in_the_report(stop: FleetStop
     assert not stop.is_over(0.2)
 
 
+@pytest.mark.parametrize(
+    "payload",
+    [
+        b'{"success": true, "message": "Engaged."}',
+        b'{"success": true, "message": "Engaged.", "data": {"stands": "surely", "mood": [1]}}',
+    ],
+    ids=["of a daemon that knows less", "of one that knows other things"],
+)
+def test_an_answer_of_another_version_acknowledges_and_claims_nothing(payload: bytes) -> None:
+    stop, answer = FleetStop([ONE]), read_sample(payload, ServiceReply)
+    assert answer is not None
+    stop.answered(ONE, answer, 0.1)
+    assert stop.missing == []
+    assert not stop.all_stand
+    assert stop.report()[1:] == [f"{ONE}: stopped; no counts show whether its wheels stand."]
+
+
 def test_progress_names_some_of_many() -> None:
     stop = FleetStop(f"farm/north/bot{n}" for n in range(50))
     assert stop.progress().endswith("farm/north/bot5 and 44 more.")
@@ -138,3 +156,16 @@ def test_a_stop_of_no_robots_is_never_over_and_nothing_is_claimed() -> None:
     stop.answered(ONE, reply(), 0.1)
     assert stop.is_over(0.1)
     assert stop.all_stand
+
+
+def test_a_stop_that_is_asked_for_once_more_has_every_robot_acknowledge_anew(
+    stop: FleetStop,
+) -> None:
+    for robot in BOTS:
+        stop.answered(robot, reply(), 0.1)
+    assert stop.all_stand
+    stop.again()
+    assert stop.missing == list(BOTS)
+    assert not stop.all_stand
+    stop.answered(ONE, reply(), 0.2)
+    assert stop.missing == [TWO, THREE]

@@ -149,6 +149,14 @@ def test_a_name_that_nothing_proves_is_marked(by: str, claimed: bool) -> None:
     assert ("Nothing proves that name." in cells(row)[-1]) is claimed
 
 
+@pytest.mark.parametrize("volts", [1e300, -1e300, math.inf, math.nan, 10**400, True, "12", [12]])
+def test_a_number_that_is_none_is_left_out(volts: Any) -> None:
+    view = FleetView(["liar"])
+    view.answered("liar", status(board={"volts": volts}, since_ns=-(10**30)), 0)
+    assert (row_of(view, "liar").volts, row_of(view, "liar").state_s) == (None, None)
+    assert max(map(len, cells(row_of(view, "liar")))) < 20
+
+
 def test_lies_are_cut_and_cleaned_and_numbers_that_are_none_are_left_out() -> None:
     view = FleetView(["liar"])
     huge = 10**400

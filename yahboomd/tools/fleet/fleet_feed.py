@@ -162,7 +162,7 @@ class FleetFeed:
                 for task in tasks:
                     if task.done():
                         task.result()
-                self.read()
+                await self._read_all()
                 await asyncio.sleep(GATHER_S)
         finally:
             for task in tasks:
@@ -198,14 +198,15 @@ class FleetFeed:
             else:
                 self._unread += 1
 
-    def read(self) -> None:
-        """Read what came since the last call."""
+    async def _read_all(self) -> None:
+        """Read what came since the last call; whatever else is due comes between two answers."""
         with self._lock:
             answers, self._answers = self._answers, {}
             unread, self._unread = self._unread, 0
         self.view.left_out += unread
         for key, payload in answers.items():
             self._read(key, payload)
+            await asyncio.sleep(0)
         if answers or unread:
             self.news.set()
 

@@ -264,6 +264,9 @@ class FleetFolder:
             role=plan.people[person].role,
             ways=ways,
             robots=[plan.namespace(robot) for robot in mine],
+            pages={
+                plan.namespace(robot): page for robot in mine if (page := plan.robots[robot].page)
+            },
         )
 
     def _robot_toml(self, robot: str) -> str:

@@ -24,12 +24,14 @@ class FleetList(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         ways: The endpoints of routers, with the places behind each: a fleet, sites, robots.
         robots: The namespaces of the robots.
+        pages: The addresses of robots' own pages, by namespace.
     """
 
     person: str
     role: Role
     ways: dict[str, list[str]]
     robots: list[str]
+    pages: dict[str, str] = {}
 
 
 def standard_papers() -> Path:

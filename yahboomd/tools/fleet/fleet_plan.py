@@ -29,6 +29,7 @@ _RESERVED = ("yahboomd", "cmd_vel")
 _LONGEST = 50
 """A certificate's name has at most 64 characters, its kind among them."""
 
+_PAGE = re.compile(r"https?://[A-Za-z0-9._:\[\]-]+(/[A-Za-z0-9._~/-]*)?")
 _ADDRESS = re.compile(r"([A-Za-z0-9._-]+|\[[0-9A-Fa-f:.]+\]):[0-9]{1,5}")
 
 
@@ -47,10 +48,12 @@ class PlannedRobot(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 
     Attributes:
         address: ``host:port`` at which people reach it without a router; empty: only by its router.
+        page: The address of its own page, as a browser opens it; empty: none is offered.
     """
 
     site: str
     address: str = ""
+    page: str = ""
 
 
 class PlannedPerson(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -179,6 +182,8 @@ def plan_problem(plan: FleetPlan) -> str:
     for name, robot in plan.robots.items():
         if robot.site not in plan.sites:
             return f"robots.{name} is at the site {robot.site!r}, which is not in the file."
+        if robot.page and not _PAGE.fullmatch(robot.page):
+            return f"robots.{name}.page is no address such as https://192.168.1.20:8480."
         if robot.address and _port(robot.address) == LOCAL_PORT:
             return (
                 f"robots.{name}.address has the port {LOCAL_PORT}, which serves the programs on "

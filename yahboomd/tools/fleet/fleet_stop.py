@@ -102,6 +102,12 @@ class FleetStop:
         came, found.present = present and not found.present, present
         return came and found.acknowledged_s is None
 
+    def again(self) -> None:
+        """Have every robot acknowledge anew: the stop is asked for once more."""
+        for robot in self.robots.values():
+            robot.acknowledged_s = robot.stands = robot.slow = None
+            robot.refusal = ""
+
     @property
     def missing(self) -> list[str]:
         """The robots that have not acknowledged."""

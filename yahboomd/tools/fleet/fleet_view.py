@@ -6,7 +6,6 @@ cleaned as they come in, and numbers that are none are left out.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -23,6 +22,9 @@ STALE_S = 6.0
 
 MOST_UNLISTED = 256
 """Robots that are in no list and are shown; of more only the number is."""
+
+MOST = 1e6
+"""Numbers of robots from here on are left out."""
 
 LONGEST_WHY = 300
 LONGEST_WORD = 64
@@ -242,13 +244,11 @@ def _cut(text: str, longest: int) -> str:
 def _number(value: object) -> float | None:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
-    try:
-        number = float(value)
-    except OverflowError:
-        return None
-    return number if math.isfinite(number) else None
+    # Beyond this, and NaN, it is neither a voltage nor a factor, and has no place in a column.
+    return float(value) if abs(value) < MOST else None
 
 
 def _between_s(since_ns: int, now_ns: int) -> float | None:
     """Seconds between two stamps of one robot; None if its numbers are no times."""
-    return None if (found := _number(now_ns - since_ns)) is None else max(0.0, found / 1e9)
+    found_s = (now_ns - since_ns) // 1_000_000 / 1000 if abs(now_ns - since_ns) < 1 << 63 else None
+    return None if found_s is None else max(0.0, found_s)

@@ -159,6 +159,12 @@ class StopAll:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
 
+    def again(self) -> None:
+        """Have every robot acknowledge anew, while it runs."""
+        self.progress.again()
+        for way in self._ways:
+            way.wake.set()
+
     def seen(self, way: StopWay, robot: str, changes: list[TokenChange]) -> None:
         """Note tokens of a robot, as one way shows them."""
         tokens = self._tokens.setdefault(robot, set())

@@ -9,12 +9,14 @@ import { map } from "./map.js";
 import { wheels } from "./wheels.js";
 
 const camera = { id: "camera", title: "Camera", load: () => import("./camera.js").then((module) => module.create) };
+const fleet = { id: "fleet", title: "All robots", load: () => import("./fleet.js").then((module) => module.create) };
 const VIEWS = [
   drive, camera, map, wheels, health,
   { id: "calibrate", title: "Calibrate", load: () => import("./calibrate.js").then((module) => module.create) },
   { id: "record", title: "Record", load: () => import("./record.js").then((module) => module.create) },
   { id: "boxes", title: "Black boxes", load: () => import("./boxes.js").then((module) => module.create) },
   { id: "phones", title: "Phones", load: () => import("./phones.js").then((module) => module.create) },
+  fleet,
 ];
 // As in style.css. On a wide screen the drive view stays beside all others, on a phone on its side beside those that show the robot.
 const WIDE = matchMedia("(min-width: 1000px) and (min-height: 501px)");
@@ -26,6 +28,7 @@ export class Views {
   #made = new Map();
   #shown = new Set();
   #hasCamera = false;
+  #hasFleet = false;
   #isClosed = false;
 
   constructor(app) {
@@ -37,6 +40,7 @@ export class Views {
     document.getElementById("views").append(...this.links);
     addEventListener("hashchange", () => this.#open());
     app.live.on("hello", (hello) => this.#findCamera(Boolean(hello.camera)));
+    app.live.on("hello", (hello) => this.#findFleet(Boolean(hello.fleet)));
     for (const each of [WIDE, ASIDE]) each.addEventListener("change", () => this.#open());
     this.#open();
   }
@@ -50,8 +54,16 @@ export class Views {
     this.#open();
   }
 
+  /** A page without a list of robots has no view of them. */
+  #findFleet(has) {
+    if (has === this.#hasFleet) return;
+    this.#hasFleet = has;
+    document.body.toggleAttribute("data-fleet", has);
+    this.#open();
+  }
+
   async #open() {
-    const there = VIEWS.filter((view) => view !== camera || this.#hasCamera);
+    const there = VIEWS.filter((view) => (view !== camera || this.#hasCamera) && (view !== fleet || this.#hasFleet));
     const asked = there.find(({ id }) => `#${id}` === location.hash) ?? drive;
     const eyes = this.#hasCamera ? camera : map;
     const opened = (WIDE.matches || ASIDE.matches) && asked === drive ? eyes : asked;
