@@ -159,6 +159,10 @@ every-board: $(VENV)/.dev ## every fault on the binary board of the tests too (f
 fleet-stop: $(VENV)/.dev ## `stop --all` of 50 robots over a tree of routers with 50 ms of delay, with faults (a minute; ARGS='--robots 50 --real 3 --delay-ms 50')
 	@$(PY) -m benchmarks.stop_fifty $(ARGS)
 
+.PHONY: fleet-rollout
+fleet-rollout: $(VENV)/.dev ## packaging/ansible on three robots with real systemd, in containers over ssh: good and bad files and versions (root; ten minutes)
+	@$(PY) make/fleet_rollout.py $(ARGS)
+
 .PHONY: wirings
 wirings: $(VENV)/.dev ## `setup` on all 384 ways to connect four motors, each with a drive afterwards (ten minutes)
 	YAHBOOMD_EVERY_WIRING=1 $(PYTEST) $(PARALLEL) -q tests/tools/setup/test_setup_wizard.py -k four_wheels

@@ -61,7 +61,8 @@ def main() -> int:
         own = system_test.make_root(cache.parent, args.suite)
         output = cache / f"packages-{args.suite}"
         package = system_test.build_package(TREE, output, own, "--architecture=arm64")
-        bootable = plug_test.with_kernel(cache, root, "linux-image-cloud-arm64")
+        kernel = "initramfs-tools linux-image-cloud-arm64"
+        bootable = plug_test.with_packages(cache, root, "kernel", kernel)
     except Impossible as why:
         sys.stderr.write(f"arm: not run: {why}\n")
         return 1

@@ -61,7 +61,7 @@ def main() -> int:
         system_test.install_tools()
         root = system_test.make_root(cache, args.suite)
         package = system_test.build_package(TREE, cache / f"packages-{root.name}", root)
-        bootable = with_kernel(cache, root, "linux-image-amd64")
+        bootable = with_packages(cache, root, "kernel", "initramfs-tools linux-image-amd64")
     except Impossible as why:
         sys.stderr.write(f"plug-test: not run: {why}\n")
         return 1
@@ -85,20 +85,24 @@ def judge(said: str) -> int:
     return 0 if good else 1
 
 
-def with_kernel(cache: Path, root: Path, kernel: str) -> Path:
-    """A copy of a Debian, with a kernel; made once."""
-    bootable = cache / f"{root.name}-kernel"
-    if not bootable.exists():
-        print(f"installing a kernel into {bootable} (a minute, once)", flush=True)
-        half = cache / f".{root.name}-kernel"
+def with_packages(cache: Path, root: Path, name: str, packages: str) -> Path:
+    """A copy of a Debian with more packages, such as a kernel; made once.
+
+    Args:
+        name: The end of the copy's name.
+    """
+    made = cache / f"{root.name}-{name}"
+    if not made.exists():
+        print(f"installing {packages} into {made} (a minute, once)", flush=True)
+        half = cache / f".{made.name}"
         shutil.rmtree(half, ignore_errors=True)
         subprocess.check_call(["cp", "-a", str(root), str(half)])
-        install = "apt-get install -y -qq --no-install-recommends initramfs-tools"
-        command = f"apt-get update -qq && {install} {kernel}"
+        install = "apt-get install -y -qq --no-install-recommends"
+        command = f"apt-get update -qq && {install} {packages}"
         if _inside(half, f"export DEBIAN_FRONTEND=noninteractive; {command}") != 0:
-            raise Impossible("the kernel could not be installed; see above.")
-        half.rename(bootable)
-    return bootable
+            raise Impossible(f"{packages} could not be installed; see above.")
+        half.rename(made)
+    return made
 
 
 def boot(

@@ -34,16 +34,19 @@ class Machine:
         package: A Debian package, found inside as ``/run/packages/…``.
         shared: A folder of the host, found inside as ``/run/shared``.
         log: The file for the console.
+        name: Of the container.
     """
 
-    def __init__(self, root: Path, package: Path, shared: Path, log: Path) -> None:
+    def __init__(
+        self, root: Path, package: Path, shared: Path, log: Path, name: str = "yahboomd-test"
+    ) -> None:
         self.package = f"/run/packages/{package.name}"
         self.shared = shared
         self._log = log
         command = [
             *("systemd-nspawn", "--quiet", "-D", str(root), "--boot", "--volatile=overlay"),
             # Nothing of this machine's network: ports here are taken, and not ours to disturb.
-            *("--private-network", "--console=pipe", "--machine=yahboomd-test"),
+            *("--private-network", "--console=pipe", f"--machine={name}"),
             f"--bind-ro={package.parent}:/run/packages",
             f"--bind={shared}:/run/shared",
         ]
@@ -66,8 +69,7 @@ class Machine:
         """Run a command inside; its output, both streams."""
         done = subprocess.run(
             [
-                *("nsenter", f"--target={self._leader}"),
-                *("--mount", "--uts", "--ipc", "--net", "--pid", "--cgroup"),
+                *self.inside(),
                 *("env", "-i", "PATH=/usr/sbin:/usr/bin:/sbin:/bin", "LANG=C.UTF-8", "HOME=/root"),
                 *("SYSTEMD_PAGER=", "SYSTEMD_COLORS=0", "DEBIAN_FRONTEND=noninteractive"),
                 *command,
@@ -81,6 +83,11 @@ class Machine:
         if check and done.returncode != 0:
             pytest.fail(f"{' '.join(command)}: status {done.returncode}\n{done.stdout}")
         return done.stdout
+
+    def inside(self) -> tuple[str, ...]:
+        """The command that starts another one inside."""
+        spaces = ("--mount", "--uts", "--ipc", "--net", "--pid", "--cgroup")
+        return ("nsenter", f"--target={self._leader}", *spaces)
 
     def show(self, unit: str, key: str) -> str:
         """One property of a unit."""

@@ -10,21 +10,28 @@ OLDER = "0.0.1-1~older"
 CONFIG = "etc/yahboomd/config.toml"
 
 
-def repacked(package: Path, folder: Path, *, config: str = "") -> Path:
-    """The package under an older number.
+def repacked(
+    package: Path, folder: Path, *, config: str = "", version: str = OLDER, breaks: str = ""
+) -> Path:
+    """The package under another number.
 
     Args:
         config: The configuration that it has as a file of dpkg's, as versions before had every
             default; empty for none.
+        breaks: A command of it that only fails; empty for none.
     """
     tree = folder / "tree"
     subprocess.run(["dpkg-deb", "-R", str(package), str(tree)], check=True)
     control = tree / "DEBIAN/control"
-    version = next(
+    built = next(
         line.partition(": ")[2] for line in control.read_text().splitlines() if "Version" in line
     )
     for path in (control, tree / "DEBIAN/preinst", tree / "DEBIAN/postinst"):
-        path.write_text(path.read_text().replace(version, OLDER))
+        path.write_text(path.read_text().replace(built, version))
+    if breaks:
+        program = tree / "opt/yahboomd/bin/yahboomd"
+        broken = f'import sys\n\nif sys.argv[1] == "{breaks}":\n    sys.exit("broken")\n'
+        program.write_text(program.read_text().replace("import sys\n", broken, 1))
     if config:
         (tree / CONFIG).parent.mkdir(parents=True)
         (tree / CONFIG).write_text(config)

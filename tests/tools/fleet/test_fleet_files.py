@@ -3,9 +3,11 @@ from __future__ import annotations
 import stat
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
+from ruamel.yaml import YAML
 
 pytest.importorskip("cryptography")
 
@@ -109,6 +111,32 @@ def test_a_robots_settings_are_valid_and_name_its_place_and_its_router(
     for robot, own in (("bot1", {"cmd_vel/dan": 60}), ("bot2", {})):
         sources = settings(robot).command.sources
         assert {key: source.priority for key, source in sources.items()} == usual | own
+
+
+def test_the_inventory_lists_robots_by_site_and_routers_with_their_files_and_no_revoked_one(
+    made: FleetFolder,
+) -> None:
+    def listed() -> Any:
+        file = made.folder / "inventory.yml"
+        return YAML(typ="safe").load(file.read_text())["all"]["children"]
+
+    assert listed()["robots"]["children"] == {
+        "site_north": {"hosts": {"bot1": {"ansible_host": "192.168.1.20"}}},
+        "site_south": {"hosts": {"bot2": {}}},
+    }
+    routers = listed()["routers"]["hosts"]
+    assert routers["router.north"] == {
+        "ansible_host": "north.example",
+        "zenohd_from": "routers/north.json5",
+        "zenohd_port": 7447,
+    }
+    assert set(routers) == {"router.north", "router.south", "above.router"}
+    assert all((made.folder / each["zenohd_from"]).exists() for each in routers.values())
+    made.revoke("robot.bot1")
+    made.revoke("router.south")
+    made.write()
+    assert set(listed()["robots"]["children"]) == {"site_south"}
+    assert set(listed()["routers"]["hosts"]) == {"router.north", "above.router"}
 
 
 def test_an_authority_is_made_once(made: FleetFolder) -> None:

@@ -12,7 +12,7 @@ import os
 from collections.abc import Callable, Iterable
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import msgspec
 
@@ -33,11 +33,15 @@ from yahboomd.tools.fleet.people_keys import own_source
 
 ROUTERS, ROBOTS, PEOPLE = "routers", "robots", "people"
 KEY, CERTIFICATE, REVOKED = "authority.key", "authority.pem", "revoked.json"
+INVENTORY = "inventory.yml"
 DRIVING = {"driver": 60, "operator": 70, "maintainer": 80}
 """The priority of a person's commands by role: above the robot's page, below its own joystick."""
 
 _HEADER = "// Made by `yahboomd fleet`. It has a private key in it: nobody else may read it.\n"
 _CONFIG = "/etc/yahboomd/zenoh.json5"
+
+
+Inventory: TypeAlias = dict[str, Any]
 
 
 class Revocation(msgspec.Struct, frozen=True, kw_only=True):
@@ -144,6 +148,9 @@ class FleetFolder:
                     tell(path)
                     _keep(path, text.encode())
                     changed.append(path)
+        listed = json.dumps(self._inventory(gone), indent=1)
+        text = f"# Made by `yahboomd fleet`, for Ansible.\n{listed}\n"
+        _keep(self.folder / INVENTORY, text.encode())
         return changed
 
     def revoke(self, name: str) -> Revocation:
@@ -245,6 +252,34 @@ class FleetFolder:
             "connect": {"endpoints": above, "timeout_ms": -1, "exit_on_failure": False},
             "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
         }
+
+    def _inventory(self, gone: set[str]) -> Inventory:
+        """The machines by groups of Ansible's, with the hosts at which each is reached.
+
+        A robot without an address is reached at its name.
+        """
+        plan = self._plan
+        hosts, files = plan.identities(), self.paths()
+        sites: dict[str, Inventory] = {}
+        for robot, planned in plan.robots.items():
+            if (name := robot_id(robot)) not in gone:
+                # Ansible's groups have no hyphens in their names.
+                site = sites.setdefault(f"site_{planned.site.replace('-', '_')}", {"hosts": {}})
+                site["hosts"][robot] = {"ansible_host": hosts[name][0]} if hosts[name] else {}
+        addresses = {router_id(name): site.router for name, site in plan.sites.items()}
+        if plan.router:
+            addresses[TOP] = plan.router
+        routers = {
+            # A robot may be called "router", and none has a dot in its name.
+            "above.router" if name == TOP else name: {
+                "ansible_host": hosts[name][0],
+                "zenohd_from": str(files[name].relative_to(self.folder)),
+                "zenohd_port": int(address.rpartition(":")[2]),
+            }
+            for name, address in addresses.items()
+            if name not in gone
+        }
+        return {"all": {"children": {"robots": {"children": sites}, "routers": {"hosts": routers}}}}
 
     def _list(self, person: str, gone: set[str]) -> FleetList:
         plan = self._plan
