@@ -28,7 +28,7 @@ def main() -> int:
         cache = system_test.prepare_cache()
         system_test.install_tools()
         root = system_test.make_root(cache, "bookworm")
-        package = system_test.build_package(TREE, cache / f"packages-{root.name}", root)
+        package = system_test.build_package(TREE, cache / "packages-rollout", root)
         reached = plug_test.with_packages(cache, root, "ssh", "openssh-server python3-apt")
         programs = _ansible(cache / "ansible")
     except Impossible as why:
