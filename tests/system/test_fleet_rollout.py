@@ -142,6 +142,7 @@ class Robots:
             env={
                 **os.environ,
                 "ANSIBLE_HOME": str(self._home),
+                "ANSIBLE_LOG_PATH": str(self._file.with_name("rollouts.log")),
                 "ANSIBLE_HOST_KEY_CHECKING": "False",
                 "ANSIBLE_PIPELINING": "True",
                 "ANSIBLE_NOCOLOR": "1",
