@@ -143,6 +143,7 @@ class Robots:
                 **os.environ,
                 "ANSIBLE_HOME": str(self._home),
                 "ANSIBLE_LOG_PATH": str(self._file.with_name("rollouts.log")),
+                "ANSIBLE_SSH_CONTROL_PATH_DIR": str(self._home),
                 "ANSIBLE_HOST_KEY_CHECKING": "False",
                 "ANSIBLE_PIPELINING": "True",
                 "ANSIBLE_NOCOLOR": "1",
