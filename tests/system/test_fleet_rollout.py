@@ -235,12 +235,10 @@ def test_a_new_version_and_new_files_reach_every_robot_and_a_second_run_changes_
     robots: Robots,
 ) -> None:
     before = robots.pids()
-    robots.benches["bot3"].machine.run("yahboomd", "stop")
     done = robots.roll_out(GOOD)
     assert done.status == 0, done.output
     assert robots.versions() == dict.fromkeys(NAMES, GOOD)
-    # An emergency stop that was engaged is engaged still.
-    assert robots.states() == {"bot1": "standing", "bot2": "standing", "bot3": "estopped"}
+    assert robots.states() == dict.fromkeys(NAMES, "standing")
     for name, text in robots.files().items():
         assert (robots.fleet / f"robots/{name}.json5").read_text() in text
         assert f'namespace = "farm/north/{name}"' in text
@@ -251,8 +249,33 @@ def test_a_new_version_and_new_files_reach_every_robot_and_a_second_run_changes_
     assert again.status == 0, again.output
     assert again.changed() == dict.fromkeys((*NAMES, "router.north"), 0)
     assert robots.pids() == pids
-    robots.benches["bot3"].machine.run("yahboomd", "stop", "--release")
-    robots.benches["bot3"].wait_for_status("standing")
+
+
+def test_an_engaged_stop_stays_engaged_over_new_certificates_and_keeps_a_new_configuration_off(
+    robots: Robots,
+) -> None:
+    robots.command("renew", *NAMES)
+    engaged = robots.benches["bot3"]
+    engaged.machine.run("yahboomd", "stop")
+    done = robots.roll_out(GOOD)
+    assert done.status == 0, done.output
+    assert robots.states() == {"bot1": "standing", "bot2": "standing", "bot3": "estopped"}
+    files = robots.files()
+    assert (robots.fleet / "robots/bot3.json5").read_text() in files["bot3"]
+    settings = robots.fleet / "settings.toml"
+    settings.write_text("[limits.linear]\nvelocity = 0.4\n")
+    done = robots.roll_out(GOOD, yahboomd_settings=str(settings))
+    assert done.status != 0
+    assert "bot3 was not touched: its emergency stop is engaged" in done.output, done.output
+    now = robots.files()
+    assert now["bot3"] == files["bot3"]
+    assert all("velocity = 0.4" in now[name] for name in ("bot1", "bot2"))
+    assert robots.states() == {"bot1": "standing", "bot2": "standing", "bot3": "estopped"}
+    engaged.machine.run("yahboomd", "stop", "--release")
+    engaged.wait_for_status("standing")
+    done = robots.roll_out(GOOD)
+    assert done.status == 0, done.output
+    assert robots.files() == files
 
 
 def unusable_rules(robots: Robots) -> dict[str, object]:
