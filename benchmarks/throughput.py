@@ -198,7 +198,7 @@ def bench(*, short: bool, images: Path) -> Section:
     late: dict[str, Deviations] = {}
     for busy in (False, True):
         for name in SCHEDULES:
-            ours, bare = schedule(name, 2.0 if short else 36.0, busy=busy)
+            ours, bare = schedule(name, 1.0 if short else 36.0, busy=busy)
             for which, values in ((f"bare process beside {name}", bare), (name, ours)):
                 quantiles = [quantile(values, share) for share in (0.5, 0.99)]
                 rows.append(
