@@ -7,6 +7,7 @@ import signal
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
 
+import msgspec
 import pytest
 import zenoh
 from zenoh.handlers import Callback
@@ -15,7 +16,7 @@ pytest.importorskip("cryptography")
 
 from fleet_bench import LATE, ROBOTS, STANDS, TURNS, FleetBench, RecordingRobot
 from real_robot import Process
-from zenoh_fixtures import eventually
+from zenoh_fixtures import PATIENCE_S, eventually
 
 from yahboomd.cli.main import main
 from yahboomd.core.clock import SystemClock
@@ -84,6 +85,20 @@ async def test_every_robot_is_stopped_and_acknowledges_under_the_rules_of_a_view
         assert ("farm/yahboomd/estop", by) in robot.heard
         # By her own key, so that the robot records who stopped it.
         await eventually(lambda: ("farm/*/*/yahboomd/estop/by/vera", by) in robot.heard)  # noqa: B023
+
+
+async def test_a_name_that_makes_no_key_keeps_no_robot_driving(
+    fleet: FleetBench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # The first sending has to do: without tokens nobody is asked again before this.
+    monkeypatch.setattr("yahboomd.tools.fleet.stop_all.AGAIN_S", 3600.0)
+    for robot in fleet.robots.values():
+        robot.leave()
+    nameless = msgspec.structs.replace(listed(fleet, HERE), person="/?")
+    papers, progress = fleet.file("people/vera"), FleetStop(HERE)
+    stop = StopAll(nameless, papers, progress, print, SystemClock())
+    await asyncio.wait_for(stop.run(), PATIENCE_S)
+    assert progress.all_stand
 
 
 async def test_a_robot_that_does_not_answer_and_one_that_is_not_there_are_named_until_the_end(

@@ -1,18 +1,19 @@
 """Stops every robot of a fleet, over every router that leads to it, until each acknowledged.
 
 The stop goes out as a sample on the key of each group, for every robot there, known or not; and as
-a query, which each robot answers on its own key; and once by the person's own key, so that each
-robot records who stopped it. The routers' rules let a robot's certificate
+a query, which each robot answers on its own key. First goes a query by the person's own key, so
+that each robot records who stopped it. The routers' rules let a robot's certificate
 answer on no other key, so that nobody acknowledges for another robot.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
+from typing import TypeAlias
 
 import msgspec
 import zenoh
@@ -41,6 +42,9 @@ ANSWER_S = 5.0
 TELL_S = 2.0
 """How often missing robots are named."""
 
+SendTo: TypeAlias = tuple[Sequence[str], Sequence[str], Sequence[str]]
+"""Selectors that prove a name, keys of groups, and selectors."""
+
 _LONGEST_NAME = 24
 _OWN = "yahboomd"
 
@@ -58,8 +62,8 @@ class StopWay(FleetWay):
         """Send at once, and again while robots are missing."""
         mine = list(filter(self.leads_to, self._stop.progress.robots))
         # First one question for all: it reaches robots that are not in the list, too.
-        own = own_key(keys.ESTOP, self._stop.person)
-        await self._send(bus, [*self.wide(keys.ESTOP), *self.wide(own)])
+        own = self.wide(own_key(keys.ESTOP, self._stop.person))
+        await self._send(bus, self.wide(keys.ESTOP), own)
         for robot in mine:
             pattern = holder_key(full_key(robot, keys.ALIVE), "*")
             bus.watch_tokens(pattern, partial(self._stop.seen, self, robot))
@@ -73,9 +77,9 @@ class StopWay(FleetWay):
             if turning := list(filter(self.leads_to, self._stop.turning)):
                 await self._ask_speeds(bus, turning)
 
-    async def _send(self, bus: Bus, selectors: list[str]) -> None:
+    async def _send(self, bus: Bus, selectors: list[str], first: Sequence[str] = ()) -> None:
         groups = [stop_key(place) for place in self.places if place.count("/") < 2]
-        call = partial(_send, bus.session, groups, selectors, self._stop)
+        call = partial(_send, bus.session, (first, groups, selectors), self._stop)
         # A connection that takes nothing is closed by Zenoh after a second.
         with suppress(TimeoutError, zenoh.ZError):
             await bounded(call, timeout_s=ANSWER_S, name="fleet-stop")
@@ -196,8 +200,12 @@ class StopAll:
         return seconds(self._clock.now_ns() - self._began_ns)
 
 
-def _send(session: zenoh.Session, groups: list[str], selectors: list[str], stop: StopAll) -> None:
-    """Send the stop: as samples to groups, and as queries."""
+def _send(session: zenoh.Session, keys_of: SendTo, stop: StopAll) -> None:
+    """Send the stop: as queries that prove a name, as samples to groups, and as queries."""
+    first, groups, selectors = keys_of
+    # A name that makes no key must not keep the robots driving.
+    with suppress(zenoh.ZError):
+        _ask(session, first, stop)
     for key in groups:
         session.put(
             key,
@@ -206,6 +214,10 @@ def _send(session: zenoh.Session, groups: list[str], selectors: list[str], stop:
             congestion_control=zenoh.CongestionControl.BLOCK,
             express=True,
         )
+    _ask(session, selectors, stop)
+
+
+def _ask(session: zenoh.Session, selectors: Sequence[str], stop: StopAll) -> None:
     for selector in selectors:
         session.get(
             selector,
