@@ -168,7 +168,7 @@ wirings: $(VENV)/.dev ## `setup` on all 384 ways to connect four motors, each wi
 	YAHBOOMD_EVERY_WIRING=1 $(PYTEST) $(PARALLEL) -q tests/tools/setup/test_setup_wizard.py -k four_wheels
 
 ##@ Measure
-.PHONY: bench bench-short ratios black-box footprint page-figures calibration tuning tuning-kills estop-kills picture
+.PHONY: bench bench-short ratios black-box footprint page-figures calibration tuning tuning-kills estop-kills picture pictures
 $(VENV)/.bench: $(VENV)/.dev
 	@$(PYTHON) make/bootstrap.py $(VENV) uvloop || echo "bench: there is no uvloop here; its rows are left out"
 	@touch $@
@@ -215,6 +215,9 @@ estop-kills: $(VENV)/.dev ## daemons killed right after they reported an emergen
 
 picture: $(VENV)/.dev ## drive the simulated robot, and draw docs/images/path.png
 	$(PY) make/picture.py $(ARGS)
+
+pictures: $(VENV)/.dev ## the page's pictures in docs/images, in Chromium; or every view and state in four sizes (ARGS=build/pictures: ten minutes)
+	@PYTHONPATH=.:tests/plugins $(PY) make/page_pictures.py $(ARGS)
 
 ##@ Package and system
 .PHONY: arm bundled deb site release system-test plug-test

@@ -92,3 +92,29 @@ def test_a_robot_that_is_stopped_is_not_driven_until_it_is_released(
     release(bench, page)
     bench.press(page)
     bench.stops_after(page.lift)
+
+
+@LONG
+def test_a_fault_is_named_in_words_and_one_button_clears_it(bench: PageBench, page: Page) -> None:
+    place = bench.press(page)
+
+    def fails() -> bool:
+        if page.text("#state") == "fault":
+            return True
+        # A machine that is too busy ends the drive before.
+        if not page.says_driving():
+            page.lift()
+            bench.put_down(page, place)
+        return False
+
+    try:
+        bench.robot.do("encoder-dead left")
+        wait_for(fails, "a fault")
+    finally:
+        bench.robot.do("repair left")
+    page.lift()
+    page.says("#why", "left")
+    assert "`" not in page.text("#why")
+    page.says("#release", "Clear the fault")
+    release(bench, page)
+    page.says("#state", "standing")

@@ -49,7 +49,7 @@ export function create(app) {
   const setup = el("div", { class: "card" }, el("p", {}, "New motors, wheels or plugs? Set the robot up first, in its terminal:"), el("code", {}, "yahboomd setup"));
   const undo = el("button", { type: "button", onclick: () => undoNow() }, "Take the newest calibration back");
   const undoWords = el("p", { role: "status" });
-  const undoCard = el("div", { class: "card" }, el("p", {}, "The calibration before counts again, from the next start of yahboomd."), undo, undoWords);
+  const undoCard = el("div", { class: "card" }, el("p", {}, "Does it drive worse than before? Then the calibration before the newest one can count again, from the next start of yahboomd."), undo, undoWords);
 
   async function undoNow() {
     undo.disabled = true;
@@ -143,7 +143,7 @@ export function create(app) {
   live.on("link", ({ open }) => open || deadman.letGo("The connection to the robot was lost."));
   for (const type of ["hello", "control", "daemon", "status", "link"]) live.on(type, show);
 
-  const watcher = el("p", { class: "card" }, "This link may watch. To calibrate, open the link to drive.");
+  const watcher = el("p", { class: "card" }, "This phone may watch. A phone that may drive can calibrate.");
   const element = el("section", { class: "calibrate" }, watcher, running, outcome, choice.element, why, undoCard, setup);
   ask(state().question);
   let clock = 0;

@@ -13,9 +13,9 @@ import { keep, kept } from "./storage.js";
 const LIMIT = "speed limit"; // Its key in the storage of the browser.
 const PRESETS = { Walk: 20, Normal: 40, Fast: 100 }; // Percent.
 const AGAIN = {
-  thumb: " Lift your thumb and touch again.",
-  keys: " Release the key and press it again.",
-  gamepad: " Release the gamepad's button and press it again.",
+  thumb: "Lift your thumb and touch again.",
+  keys: "Release the key and press it again.",
+  gamepad: "Release the gamepad's button and press it again.",
 };
 
 export const drive = { id: "drive", title: "Drive", create };
@@ -106,6 +106,7 @@ function create(app) {
   const limitText = el("output", { for: "limit" });
   const presets = Object.entries(PRESETS).map(([name, percent]) =>
     el("button", { type: "button", value: percent, onclick: () => { setLimit(percent); changed(); } }, name));
+  const limitRow = el("div", { class: "limit" }, el("label", { for: "limit" }, "Speed limit "), limitText, slider, el("div", { class: "presets", role: "group", "aria-label": "Speed limit" }, ...presets));
   const words = el("p", { class: "words", role: "status", tabindex: "0" });
   const take = el("button", { type: "button", class: "take", onclick: () => connection.control(!mine()) });
   const speed = el("p", { class: "speed" });
@@ -130,7 +131,9 @@ function create(app) {
     const most = limits();
     const parts = [`${fixed(most.vx * share(), 2)} m/s`, `${fixed(most.wz * share(), 1)} rad/s`];
     write(limitText, live.newest("hello")?.limits ? parts.join(",\n") : `${slider.value} %`);
-    slideRow.hidden = !sideways();
+    const isViewer = live.newest("hello")?.role === "viewer";
+    limitRow.hidden = isViewer; // It would do nothing.
+    slideRow.hidden = isViewer || !sideways();
     const why = deadman.held ? "" : obstacle(connection, live);
     joystick.pad.classList.toggle("barred", Boolean(why));
     for (const each of presets) each.setAttribute("aria-pressed", each.value === slider.value);
@@ -146,8 +149,8 @@ function create(app) {
   function text(why) {
     const isEmpty = live.sample("status")?.board.battery === "empty";
     if (deadman.held) return refusal() || `Driving${isEmpty ? " slowly: the battery is empty" : ""}. Let go to stop.`;
-    if (lost && why && lost !== why) return `${lost} ${why}`;
-    if (lost) return lost + (why ? "" : AGAIN[by]);
+    // What to do comes first: on a small screen the rest scrolls.
+    if (lost && !why) return `${AGAIN[by]} ${lost.replace(/ Let go, .*again\.$/, "")}`;
     return why || "Ready. Touch the pad to drive.";
   }
 
@@ -180,7 +183,7 @@ function create(app) {
     words,
     el("div", { class: "room" }, joystick.element, panel),
     el("div", { class: "line" }, speed, take, opener),
-    el("div", { class: "limit" }, el("label", { for: "limit" }, "Speed limit "), limitText, slider, el("div", { class: "presets", role: "group", "aria-label": "Speed limit" }, ...presets)),
+    limitRow,
     slideRow,
     el("p", { class: "keys" }, el("kbd", {}, "↑ ↓ ← →"), " or ", el("kbd", {}, "W A S D"), " drive while held. ", el("kbd", {}, "Space"), " is the emergency stop, everywhere."),
   );

@@ -53,7 +53,8 @@ function summary(connection, live) {
   if (!status) return { state: "offline", words: "connecting", why: "Waiting for the robot's first status." };
   if (live.age("status") > OLD_MS)
     return { state: "offline", words: "silent", why: `The last status is ${duration(live.age("status"))} old. It was: ${status.why}` };
-  return { state: status.state, words: STATES[status.state] ?? status.state, why: plain(status.why, live.newest("hello")?.role) };
+  const why = plain(named(status.why, live), live.newest("hello")?.role);
+  return { state: status.state, words: STATES[status.state] ?? status.state, why };
 }
 
 // That nobody drives is no reason to read; every other sentence stays as the daemon has it.
@@ -66,12 +67,23 @@ export function plain(why, role) {
   return (role === "driver" ? rest.replace(RELEASE, "") : rest).trim() || "Ready.";
 }
 
-function who(live) {
+/** Which page, by its name; "" before that is known. */
+function pageInControl(live) {
   const control = live.newest("control");
   if (!control) return "";
-  const page = control.mine ? "This page" : control.page_driver === null ? "No page" : control.name;
+  return control.mine ? "This page" : control.page_driver === null ? "No page" : control.name;
+}
+
+/** Which page it is that drives. */
+function named(why, live) {
+  const isKnown = (live.newest("control")?.page_driver ?? null) !== null;
+  return isKnown ? why.replace(/^The page drives\b/, `${pageInControl(live)} drives`) : why;
+}
+
+function who(live) {
+  const page = pageInControl(live);
+  if (!page) return "";
   const driver = live.sample("status")?.driver;
-  if (!driver) return `${page} has control.`;
-  if (driver === MOVES) return `${page} has control; a move drives.`;
-  return driver === live.newest("hello")?.source ? `${page} drives.` : `${driver} drives.`;
+  if (!driver || driver === live.newest("hello")?.source) return `${page} has control.`;
+  return driver === MOVES ? `${page} has control; a move drives.` : `${driver} drives.`;
 }

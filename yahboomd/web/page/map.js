@@ -216,7 +216,8 @@ function create(app) {
     context.lineWidth = 1;
     context.beginPath();
     context.ellipse(toX(x), toY(y), major * view.scale, minor * view.scale, -angle, 0, 2 * Math.PI);
-    context.fill();
+    // One beyond the map would only tint all of it.
+    if (minor * view.scale < Math.hypot(canvas.width, canvas.height) / 2) context.fill();
     context.stroke();
     drawRobot(context, { x, y, theta }, canvas.color("text"));
   }
@@ -290,6 +291,7 @@ function describe({ x, y, theta, covariance }, age) {
   const around = degrees(Math.atan2(Math.sin(theta), Math.cos(theta)));
   const sure = (variance) => fixed(2 * Math.sqrt(Math.max(0, variance)), 2);
   const old = age > OLD_MS ? ` The pose is ${fixed(age / 1000, 0)} s old.` : "";
-  const heading = `${fixed(around, 0)}° ± ${fixed(2 * degrees(Math.sqrt(Math.max(0, covariance[8]))), 0)}°`;
+  const off = 2 * degrees(Math.sqrt(Math.max(0, covariance[8])));
+  const heading = off < 180 ? `${fixed(around, 0)}° ± ${fixed(off, 0)}°` : "unknown";
   return `x ${fixed(x, 2)} m ± ${sure(covariance[0])}, y ${fixed(y, 2)} m ± ${sure(covariance[4])}, heading ${heading}.${old}`;
 }

@@ -15,7 +15,7 @@ export function obstacle(connection, live) {
   const delay = delayOf(live);
   if (delay > lapse)
     return `The network is too slow to drive: ${Math.round(delay)} ms there and back, ${lapse} ms at most.`;
-  if (hello.role !== "driver") return "This link may watch and stop the robot, not drive it.";
+  if (hello.role !== "driver") return "This phone may watch and stop the robot, not drive it.";
   const daemon = live.newest("daemon");
   // The header has the daemon's own words.
   if (daemon && !daemon.alive) return "No yahboomd answers. The page comes back by itself.";
