@@ -33,7 +33,12 @@ def drag(bench: PageBench, page: Page) -> dict[float, dict[str, Any]]:
         if share:
             page.touch((x, y - share * 0.69 * radius), kind="touchMove")
         known = len(velocities(bench, page))
-        wait_for(lambda known=known: len(velocities(bench, page)) > known + 1, "the page sends")
+        wait_for(
+            lambda known=known: len(velocities(bench, page)) > known + 1 or not page.says_driving(),
+            "the page sends",
+        )
+        if not page.says_driving():
+            return {}
         found[share] = velocities(bench, page)[-1]
     assert page.middle(".pad") == pytest.approx((x, y), abs=1.0) or not page.says_driving()
     return found if page.says_driving() else {}

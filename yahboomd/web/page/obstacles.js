@@ -11,10 +11,10 @@ export function obstacle(connection, live) {
   if (!connection.isOpen || !hello) return "There is no connection to the robot's computer.";
   const lapse = hello.lapse_ms ?? 300;
   if (connection.beatAge > lapse)
-    return `Nothing came from the robot for ${duration(connection.beatAge)}: the network is too weak to drive.`;
+    return `Nothing came from the robot for ${duration(connection.beatAge)}: the network is too weak.`;
   const delay = delayOf(live);
   if (delay > lapse)
-    return `The network is too slow to drive: ${Math.round(delay)} ms there and back, ${lapse} ms at most.`;
+    return `The network is too slow to drive: ${Math.round(delay)} ms, ${lapse} ms at most.`;
   if (hello.role !== "driver") return "This phone may watch and stop the robot, not drive it.";
   const daemon = live.newest("daemon");
   // The header has the daemon's own words.
