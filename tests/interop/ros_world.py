@@ -7,6 +7,7 @@ JSON line; of a map only what `map_of` keeps. It ends with its standard input:
     {"do":"rest","topic":"/joy"}
     {"do":"activate","node":"slam_toolbox"}     configures and activates it, if it is a managed one
     {"do":"lidar","frame":"laser","x":0.1}      scans of ROOM from /odom, a sensor x m ahead of it
+    {"do":"drive_to","robot":"bot1","x":1.5,"y":0.2}     by Nav2's planner, then by its controller
 """
 
 import importlib
@@ -17,13 +18,16 @@ import queue
 import sys
 import threading
 from collections import deque
+from itertools import takewhile
 from typing import Any
 
 # The wheels are no ROS installation: this names the folder that holds their resources.
 os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
 
 import rclpy
-from nav_msgs.msg import Odometry
+from action_msgs.msg import GoalStatus
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry, Path
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import LaserScan
 
@@ -100,6 +104,17 @@ def distance_m(x: float, y: float, angle: float) -> float:
     return nearest
 
 
+def straight(x0: float, y0: float, x: float, y: float) -> Path:
+    """A way in the map, with a pose for each five centimetres."""
+    steps = max(1, round(math.dist((x0, y0), (x, y)) / 0.05))
+    path = fill(Path(), {"header": {"frame_id": "map"}})
+    for n in range(steps + 1):
+        at = {"x": x0 + (x - x0) * n / steps, "y": y0 + (y - y0) * n / steps}
+        pose = {"position": at, "orientation": {"w": 1.0}}
+        path.poses.append(fill(PoseStamped(header=path.header), {"pose": pose}))
+    return path
+
+
 class World:
     """Publishers and subscriptions of one node."""
 
@@ -148,9 +163,57 @@ class World:
         for step in (1, 3):
             request = ChangeState.Request()
             request.transition.id = step
-            asked = client.call_async(request)
-            rclpy.spin_until_future_complete(self.node, asked, timeout_sec=30.0)
+            if not self.end_of(client.call_async(request)).success:
+                say(event="refused", node=node, step=step)
+                return
         say(event="active", node=node)
+
+    def end_of(self, asked: Any) -> Any:
+        rclpy.spin_until_future_complete(self.node, asked)
+        return asked.result()
+
+    def act(self, name: str, kind: Any, goal: Any) -> tuple[int, Any]:
+        """How an action ended, and what came of it. A server refuses until it is active."""
+        from rclpy.action import ActionClient
+
+        client = ActionClient(self.node, kind, name)
+        client.wait_for_server()
+        while not (handle := self.end_of(client.send_goal_async(goal))).accepted:
+            rclpy.spin_once(self.node, timeout_sec=0.2)
+        answer = self.end_of(handle.get_result_async())
+        client.destroy()
+        return answer.status, answer.result
+
+    def drive_to(self, robot: str, x: float, y: float, start: list[float] | None = None) -> None:
+        """As Nav2's navigator does: a controller that gives up gets a new plan, six times.
+
+        Without a planner the way is straight, from a start.
+        """
+        from nav2_msgs.action import ComputePathToPose, FollowPath
+
+        place = fill(ComputePathToPose.Goal(), {"goal": {"header": {"frame_id": "map"}}})
+        fill(place.goal.pose, {"position": {"x": x, "y": y}, "orientation": {"w": 1.0}})
+        planned = ComputePathToPose.Result()
+        if start is not None:
+            planned.path = straight(*start, x, y)
+        # By the names that Nav2's own file gives them.
+        named = {"controller_id": "FollowPath", "goal_checker_id": "general_goal_checker"}
+        errors: list[int] = []
+        status = GoalStatus.STATUS_UNKNOWN
+        while status != GoalStatus.STATUS_SUCCEEDED and len(errors) < 7:
+            if start is None:
+                of = f"/{robot}/compute_path_to_pose"
+                status, planned = self.act(of, ComputePathToPose, place)
+                if status != GoalStatus.STATUS_SUCCEEDED:
+                    errors.append(planned.error_code)
+                    continue
+            way = fill(FollowPath.Goal(path=planned.path), named)
+            status, followed = self.act(f"/{robot}/follow_path", FollowPath, way)
+            if status != GoalStatus.STATUS_SUCCEEDED:
+                errors.append(followed.error_code)
+        places = [each.pose.position for each in planned.path.poses]
+        path = [(each.x, each.y) for each in places]
+        say(event="arrived", status=status, errors=errors, path=path)
 
     def note_pose(self, odom: Odometry) -> None:
         self.poses.append(odom)
@@ -186,7 +249,8 @@ def main() -> None:
         orders.put(None)
 
     rclpy.init()
-    world = World(dict(each.split("=") for each in sys.argv[1:]))
+    topics = takewhile("--ros-args".__ne__, sys.argv[1:])
+    world = World(dict(each.split("=") for each in topics))
     threading.Thread(target=listen, daemon=True).start()
     say(event="ready", middleware=rclpy.get_rmw_implementation_identifier())
     while True:
