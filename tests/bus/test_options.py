@@ -1,5 +1,6 @@
 import json
 import os
+import traceback
 from pathlib import Path
 
 import pytest
@@ -226,6 +227,17 @@ def test_a_file_that_zenohs_parser_would_not_survive_is_refused(tmp_path, text):
     with pytest.raises(BusError, match="cannot be used") as caught:
         zenoh_config(BusOptions(config_file=path))
     assert len(str(caught.value)) < 1000, "Zenoh quotes the line"
+
+
+def test_a_key_in_a_file_that_was_cut_off_is_not_in_the_error(tmp_path):
+    path = tmp_path / "zenoh.json5"
+    path.write_text(
+        '{\n "transport": {"link": {"tls": {\n "listen_private_key_base64": "LS0tSECRET'
+    )
+    with pytest.raises(BusError, match=r"--> 2:42 = expected") as caught:
+        zenoh_config(BusOptions(config_file=path))
+    whole = "".join(traceback.format_exception(caught.value))
+    assert "SECRET" not in whole
 
 
 def test_brackets_in_texts_and_comments_are_not_counted(tmp_path):

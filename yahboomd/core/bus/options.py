@@ -231,8 +231,8 @@ def _from_file(path: Path | None, plain: zenoh.Config) -> zenoh.Config:
     try:
         config = zenoh.Config.from_json5(text)
     except zenoh.ZError as error:
-        # Zenoh quotes the whole line, even a long one.
-        raise _unusable(path, " ".join(str(error).split())[:400]) from error
+        # Zenoh quotes the line, which may have a key in it.
+        raise _unusable(path, " ".join(re.sub(r".*\|.*", "", str(error)).split())[:400]) from None
     for key, name in _OWN_SETTINGS.items():
         if config.get_json(key) != plain.get_json(key):
             raise BusError(
