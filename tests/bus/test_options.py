@@ -234,7 +234,7 @@ def test_a_key_in_a_file_that_was_cut_off_is_not_in_the_error(tmp_path):
     path.write_text(
         '{\n "transport": {"link": {"tls": {\n "listen_private_key_base64": "LS0tSECRET'
     )
-    with pytest.raises(BusError, match=r"--> 2:42 = expected") as caught:
+    with pytest.raises(BusError, match=r"--> 3:42 = expected") as caught:
         zenoh_config(BusOptions(config_file=path))
     whole = "".join(traceback.format_exception(caught.value))
     assert "SECRET" not in whole
