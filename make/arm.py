@@ -55,7 +55,7 @@ def main() -> int:
         cache = system_test.prepare_cache() / "arm64"
         cache.mkdir(exist_ok=True)
         system_test.install_tools()
-        _run_foreign_programs()
+        run_foreign_programs()
         root = system_test.make_root(cache, args.suite, "--arch=arm64")
         # Built on the same release of Debian, by this processor.
         own = system_test.make_root(cache.parent, args.suite)
@@ -77,7 +77,7 @@ def main() -> int:
     return plug_test.judge(said)
 
 
-def _run_foreign_programs() -> None:
+def run_foreign_programs() -> None:
     """Let the kernel start arm64 programs with qemu."""
     if (BINFMT / "qemu-aarch64").exists():
         return

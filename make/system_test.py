@@ -94,7 +94,7 @@ def install_tools() -> None:
         raise Impossible(f"apt could not install {', '.join(missing)}; its words are above.")
 
 
-def make_root(cache: Path, suite: str, *options: str) -> Path:
+def make_root(cache: Path, suite: str, *options: str, include: str = INCLUDE) -> Path:
     """A Debian, made once; ``options`` of debootstrap, such as another processor."""
     root = cache / suite
     if root.exists():
@@ -110,7 +110,7 @@ def make_root(cache: Path, suite: str, *options: str) -> Path:
                     "debootstrap",
                     "--variant=minbase",
                     *options,
-                    f"--include={INCLUDE}",
+                    f"--include={include}",
                     suite,
                     str(half),
                 ],
