@@ -220,9 +220,12 @@ pictures: $(VENV)/.dev ## the page's pictures in docs/images, in Chromium; or ev
 	@PYTHONPATH=.:tests/plugins $(PY) make/page_pictures.py $(ARGS)
 
 ##@ Package and system
-.PHONY: arm bundled deb site release system-test plug-test
+.PHONY: arm bundled deb image site release system-test plug-test
 deb: ## build the Debian package for this machine's distribution, into dist/
 	@$(PYTHON) packaging/build_deb.py $(ARGS)
+
+image: $(VENV)/.dev ## build the container image of each processor, drive the simulated robot in it, archives into dist/ (root; ARGS='--processor arm64')
+	@$(PY) make/image.py $(ARGS)
 
 $(VENV)/.site: pyproject.toml make/bootstrap.py
 	@$(PYTHON) make/bootstrap.py $(VENV) site

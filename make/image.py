@@ -96,7 +96,9 @@ def _build(cache: Path, base: str, processor: str, output: Path) -> Path:
     print(f"image: building {name} (minutes)", flush=True)
     with tempfile.TemporaryDirectory(prefix="yahboomd-image-") as folder:
         # Of the last commit only.
-        packed = subprocess.run(["git", "archive", "HEAD"], cwd=TREE, check=True, capture_output=True)
+        packed = subprocess.run(
+            ["git", "archive", "HEAD"], cwd=TREE, check=True, capture_output=True
+        )
         subprocess.run(["tar", "-x", "-C", folder], input=packed.stdout, check=True)
         _must(
             cache, "build", "--quiet", "--isolation=chroot", f"--arch={processor}", *secret,

@@ -15,6 +15,14 @@ import pytest
 
 PATIENCE_S = 60.0
 
+OWN_GROUP = """
+for tree in /sys/fs/cgroup/systemd /sys/fs/cgroup/unified; do
+    group=$tree/yahboomd-$$
+    mkdir "$group" 2>/dev/null && echo $$ > "$group/cgroup.procs"
+done
+exec "$0" "$@"
+"""
+
 
 def wait_until(condition: Callable[[], Any], what: str, patience_s: float = PATIENCE_S) -> Any:
     """Wait until ``condition`` returns something true, and return that."""
@@ -51,7 +59,8 @@ class Machine:
             f"--bind={shared}:/run/shared",
         ]
         if not Path("/run/systemd/system").is_dir():
-            command += ["--register=no", "--keep-unit"]
+            # Without a systemd here two containers would have the same groups of processes.
+            command = ["sh", "-c", OWN_GROUP, *command, "--register=no", "--keep-unit"]
         with log.open("wb") as output:
             self._process = subprocess.Popen(
                 command, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT
@@ -122,6 +131,10 @@ class Machine:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+        for group in Path("/sys/fs/cgroup").glob(f"*/yahboomd-{self._process.pid}"):
+            for folder in [*sorted(group.rglob("*/"), reverse=True), group]:
+                with contextlib.suppress(OSError):
+                    folder.rmdir()
 
     def _find_leader(self) -> int:
         if self._process.poll() is not None:

@@ -27,7 +27,8 @@ def repacked(
         line.partition(": ")[2] for line in control.read_text().splitlines() if "Version" in line
     )
     for path in (control, tree / "DEBIAN/preinst", tree / "DEBIAN/postinst"):
-        path.write_text(path.read_text().replace(built, version))
+        if path.exists():
+            path.write_text(path.read_text().replace(built, version))
     if breaks:
         program = tree / "opt/yahboomd/bin/yahboomd"
         broken = f'import sys\n\nif sys.argv[1] == "{breaks}":\n    sys.exit("broken")\n'

@@ -60,7 +60,7 @@ class Board:
         """Plug it in; it stands at the origin."""
         self._truth.unlink(missing_ok=True)
         self.machine.run(
-            *("systemd-run", "--quiet", f"--unit={self._unit}"),
+            *("systemd-run", "--quiet", "--collect", f"--unit={self._unit}"),
             *("/usr/bin/yahboomd", "simulate", "--link", self.link),
             *("--truth", f"/run/shared/{self._name}.truth"),
             *("--control", f"/run/shared/{self._name}.control"),

@@ -1,10 +1,9 @@
-"""Machines that lack something: a read-only root, a full disk, next to no processor time."""
+"""Machines without a disk that can be written to."""
 
 from __future__ import annotations
 
 import re
 import signal
-import time
 from collections.abc import Iterator
 
 import pytest
@@ -12,7 +11,6 @@ from nspawn_machine import Machine, wait_until
 from service_bench import SERVICE, Bench
 
 pytestmark = pytest.mark.realtime
-main_claim = pytest.mark.main_claim
 
 DROPIN = "/run/systemd/system/yahboomd.service.d/test.conf"
 STATE = "/var/lib/yahboomd"
@@ -21,7 +19,7 @@ STATE = "/var/lib/yahboomd"
 @pytest.fixture
 def read_only(bench: Bench) -> Iterator[Bench]:
     """The service, started on a root that cannot be written to."""
-    bench.machine.run("mount", "-o", "remount,ro", "/")
+    make_read_only(bench.machine)
     try:
         assert "Read-only" in bench.machine.run("touch", "/etc/x", "/var/x", check=False)
         yield bench
@@ -36,7 +34,7 @@ def full(bench: Bench) -> Iterator[Bench]:
     machine.run("systemctl", "stop", SERVICE)
     machine.run("sh", "-ec", FILL)
     try:
-        said = machine.run("sh", "-c", "echo more > /var/lib/more", check=False)
+        said = machine.run("cp", "/etc/passwd", "/var/lib/more", check=False)
         assert "No space left" in said
         yield bench
     finally:
@@ -55,6 +53,14 @@ used=$(df --output=used -k /run | tail -1)
 mount -o remount,size=$((used + 3000))k /run
 cat /dev/zero > /run/filled 2>/dev/null || true
 """
+
+
+def make_read_only(machine: Machine) -> None:
+    machine.run("systemctl", "stop", SERVICE)
+    # As from a boot on such a root: the journal is in memory.
+    machine.run("journalctl", "--relinquish-var")
+    remount = "mount -o remount,ro / || ls -l /proc/[0-9]*/fd"
+    wait_until(lambda: not machine.run("sh", "-c", remount, check=False), "a read-only root", 30.0)
 
 
 def drives_and_stops(bench: Bench) -> None:
@@ -81,8 +87,11 @@ def drives_and_stops(bench: Bench) -> None:
     machine.run("systemctl", "restart", SERVICE)
     bench.wait_for_status("estopped")
     assert bench.board.stands()
-    machine.run("yahboomd", "stop", "--release")
-    wait_until(lambda: bench.board.speed_m_s() > 0.25, "released, it drives")
+    bench.stop_driving()
+    wait_until(
+        lambda: "Released" in machine.run("yahboomd", "stop", "--release", check=False), "a release"
+    )
+    bench.drive()
     machine.run("systemctl", "stop", SERVICE)
     assert bench.board.stands()
     assert machine.show(SERVICE, "Result") == "success"
@@ -102,7 +111,9 @@ def test_on_a_read_only_root_what_cannot_be_saved_is_counted_and_said(read_only:
     machine.run("systemctl", "restart", SERVICE)
     read_only.wait_for_status("standing")
     said = machine.run("yahboomd", "blackbox", "save", check=False)
-    assert "Read-only file system" in said
+    # Within a minute of a kill the daemon has tried by itself.
+    assert "Read-only file system" in said or "(failed)" in said
+    read_only.wait_for_line("Read-only file system")
     assert counter(machine, "blackbox_failures") >= 1
     assert counter(machine, "blackbox_recording") == 1
 
@@ -115,7 +126,7 @@ def test_an_emergency_stop_whose_file_is_on_a_read_only_disk_says_that_it_is_not
     setting = f"[Service]\\nEnvironment=YAHBOOMD_ESTOP__LATCH_FILE={STATE}/estop\\n"
     machine.run("sh", "-c", f"printf '{setting}' > {DROPIN}")
     machine.run("systemctl", "daemon-reload")
-    machine.run("mount", "-o", "remount,ro", "/")
+    make_read_only(machine)
     try:
         machine.run("systemctl", "restart", SERVICE)
         bench.wait_for_status("standing")
@@ -158,40 +169,8 @@ def test_on_a_full_disk_what_cannot_be_saved_is_counted_and_said(full: Bench) ->
 
 def counter(machine: Machine, name: str) -> int:
     """A counter of the daemon's status."""
-    found = re.search(rf'"{name}":\s*(\d+)', machine.run("yahboomd", "status", "--json"))
+    # Its status is that of a robot which may stand for a reason.
+    said = machine.run("yahboomd", "status", "--json", check=False)
+    found = re.search(rf'"{name}":\s*(\d+)', said)
     assert found is not None, name
     return int(found[1])
-
-
-@pytest.fixture
-def starved(bench: Bench) -> Iterator[Bench]:
-    """Three hundredths of a core, from the moment that it drives."""
-    bench.drive()
-    quota(bench.machine, "3%")
-    yield bench
-    quota(bench.machine, "")
-
-
-def test_at_three_percent_of_a_core_systemctl_stop_leaves_time_enough(
-    starved: Bench, figure
-) -> None:
-    machine = starved.machine
-    asked_ns = time.monotonic_ns()
-    machine.run("systemctl", "stop", SERVICE)
-    took_s = (time.monotonic_ns() - asked_ns) / 1e9
-    assert starved.board.stands()
-    figure("systemctl stop at 3 % of a core", starved.board.stopped_after_s(asked_ns))
-    assert took_s < 10.0
-    assert machine.show(SERVICE, "Result") == "success"
-
-
-def test_at_three_percent_of_a_core_a_killed_daemons_wheels_are_stopped_in_time(
-    starved: Bench, figure
-) -> None:
-    killed_ns = starved.kill(signal.SIGKILL)
-    figure("SIGKILL at 3 % of a core", starved.board.stopped_after_s(killed_ns))
-    starved.wait_for_line("the wheels stand")
-
-
-def quota(machine: Machine, share: str) -> None:
-    machine.run("systemctl", "set-property", "--runtime", SERVICE, f"CPUQuota={share}")

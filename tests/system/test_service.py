@@ -448,3 +448,34 @@ def test_the_black_box_of_a_killed_daemon_is_saved_for_its_group_and_explained(b
     explained = machine.run("yahboomd", "blackbox", "explain")
     assert "saved for: the daemon was killed" in explained
     assert "It drives to the end of the record." in explained
+
+
+def test_the_stop_after_a_kill_has_longer_than_the_daemons_own(bench) -> None:
+    machine = bench.machine
+    machine.run("mkdir", "-p", "/run/systemd/system/yahboomd.service.d")
+    dropin = "/run/systemd/system/yahboomd.service.d/test.conf"
+    machine.run("sh", "-c", f"printf '[Service]\\nTimeoutStopSec=4\\n' > {dropin}")
+    try:
+        machine.run("systemctl", "daemon-reload")
+        bench.drive()
+        bench.kill(signal.SIGKILL)
+        pid = wait_until(lambda: _asked_to_wait(machine), "systemd is asked to wait")
+        # As one that has next to no processor.
+        machine.run("kill", "-STOP", pid)
+        time.sleep(6.0)
+        machine.run("kill", "-CONT", pid)
+        bench.wait_for_line("the wheels stand")
+        assert not [text for _, text in bench.journal() if "timed out" in text]
+    finally:
+        machine.run("rm", "-f", dropin)
+        machine.run("systemctl", "daemon-reload")
+
+
+def _asked_to_wait(machine) -> str:
+    """The process that stops the wheels, once systemd-notify beside it has said so."""
+    pid = machine.show(SERVICE, "ControlPID")
+    words = machine.run("sh", "-c", f"tr '\\0' ' ' < /proc/{pid}/cmdline", check=False)
+    asking = "for each in /proc/[0-9]*/status; do grep -qs 'Name:.systemd-notif' $each && "
+    asking += "grep -L 'State:.Z' $each; done"
+    asks = "/proc/" in machine.run("sh", "-c", asking, check=False)
+    return pid if "yahboomd stop --direct" in words and not asks else ""

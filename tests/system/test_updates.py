@@ -29,9 +29,11 @@ def older(machine: Machine, tmp_path_factory: pytest.TempPathFactory) -> dict[st
     for kind in KINDS:
         folder = tmp_path_factory.mktemp(kind)
         if kind == "real":
-            package = real_older()
-            if package is None:
+            real = real_older()
+            if real is None:
                 continue
+            # Before the first tag each build had the number of the release to come.
+            package = repacked(real, folder)
         else:
             config = (ROOT / "config.toml").read_text() if kind == "full" else ""
             package = repacked(prepared[1], folder, config=config)
