@@ -248,7 +248,7 @@ bundled: $(VENV)/.release ## pin what the Debian package bundles anew, with hash
 system-test: $(VENV)/.dev ## the installed service under a real systemd, in a container (root; SUITE=trixie, SHORT=1, OLDER=REVISION)
 	@$(PY) make/system_test.py $(if $(SUITE),--suite $(SUITE)) $(if $(SHORT),--short --if-possible) $(if $(OLDER),--older $(OLDER)) $(ARGS)
 
-plug-test: $(VENV)/.dev ## what plugging a board in and setting the clock do, on a real kernel in an emulated PC (root; five minutes)
+plug-test: $(VENV)/.dev ## what plugging a board in does, on a real kernel in an emulated PC (root; five minutes)
 	@$(PY) make/plug_test.py $(if $(SUITE),--suite $(SUITE)) $(ARGS)
 
 arm: $(VENV)/.dev ## the arm64 package in an emulated computer with its own kernel and systemd (root; SUITE=trixie; a quarter of an hour)

@@ -35,7 +35,7 @@ yahboomd run --port /tmp/board --no-guard &
 daemon=$!
 yahboomd send --timeout 120 --vx 0.2 --for 2
 yahboomd pose
-yahboomd stop
+yahboomd stop --port /tmp/board
 kill $daemon
 wait $daemon
 echo "it drove, stopped and ended with standing wheels"
@@ -101,7 +101,7 @@ def _build(cache: Path, base: str, processor: str, output: Path) -> Path:
         )
         subprocess.run(["tar", "-x", "-C", folder], input=packed.stdout, check=True)
         _must(
-            cache, "build", "--quiet", "--isolation=chroot", f"--arch={processor}", *secret,
+            cache, "build", "--quiet", "--layers", "--isolation=chroot", f"--arch={processor}", *secret,
             f"--build-arg=BASE={base}", f"--build-arg=VERSION={version}", "--tag", name, folder,
         )  # fmt: skip
     container = _said(cache, "from", f"--arch={processor}", "--pull-never", name)

@@ -1,9 +1,8 @@
-"""`make plug-test`: plugs a board in and sets the clock, on a real kernel with a real udev.
+"""`make plug-test`: plugs a board in, on a real kernel with a real udev.
 
-An emulated PC (qemu, without need of virtualisation), whose clock starts in 1970, boots
-Debian with Debian's kernel, with the package installed. Inside, tests/system/plug/check.py puts
-simulated CH340 chips on virtual USB sockets; the kernel's ch341 driver, udev and systemd do the
-rest. Takes some five minutes.
+An emulated PC (qemu, without need of virtualisation) boots Debian with Debian's kernel, with the
+package installed. Inside, tests/system/plug/check.py puts simulated CH340 chips on virtual USB
+sockets; the kernel's ch341 driver, udev and systemd do the rest. Takes some five minutes.
 
 It uses the Debian and the package of `make system-test`.
 """
@@ -24,7 +23,6 @@ from system_test import TREE, Impossible
 
 PATIENCE_S = 1200
 TOOLS = {"qemu-system-x86_64": "qemu-system-x86", "mke2fs": "e2fsprogs"}
-CLOCK = ("-rtc", "base=1970-01-01T00:00:10")
 
 SETUP = r"""
 set -e
@@ -72,7 +70,7 @@ def main() -> int:
         said = boot(
             *(Path(folder), bootable, package, SETUP),
             [here / "usbip_ch340.py", here / "check.py"],
-            ["qemu-system-x86_64", "-M", "q35", *CLOCK],
+            ["qemu-system-x86_64", "-M", "q35"],
             "ttyS0",
         )
     return judge(said)

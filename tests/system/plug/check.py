@@ -1,4 +1,4 @@
-"""Runs inside the emulated PC: plugs simulated boards in, sets the clock, prints the results.
+"""Runs inside the emulated PC: plugs simulated boards in and prints the results.
 
 Each line on the console that starts with ``ok:`` or ``FAILED:`` is a claim.
 """
@@ -13,28 +13,12 @@ import traceback
 from collections.abc import Callable
 from pathlib import Path
 
-from yahboomd.simulation.truth import read_truth
-
 PYTHON = "/opt/yahboomd/bin/python3"
 RULE = Path("/usr/lib/udev/rules.d/95-yahboomd.rules")
 NAME = Path("/dev/yahboom_driver")
 BY_PATH = Path("/dev/serial/by-path")
 HEARD = Path("/run/heard")
 PATIENCE_S = 60.0
-YEAR_S = 365 * 86_400
-
-DRIVER = """
-import json, time, zenoh
-config = zenoh.Config()
-config.insert_json5("mode", '"client"')
-config.insert_json5("connect/endpoints", '["tcp/127.0.0.1:7448"]')
-config.insert_json5("scouting/multicast/enabled", "false")
-session = zenoh.open(config)
-while True:
-    session.put("cmd_vel", json.dumps({"vx": 0.3, "stamp_ns": time.time_ns()}))
-    time.sleep(0.05)
-"""
-"""Stamps its commands by the clock that is set."""
 
 VOICE = f"""
 import os, pty, tty
@@ -79,8 +63,7 @@ def stopped() -> bool:
 def board(number: int) -> None:
     path = Path(f"/run/board{number}")
     # An emulated PC is slow, and a polled board sends little by itself.
-    options = f"--dialect polled --link {path} --truth /run/truth{number}"
-    sh(f"systemd-run --unit=board{number} yahboomd simulate {options}")
+    sh(f"systemd-run --unit=board{number} yahboomd simulate --dialect polled --link {path}")
     while not path.exists():
         time.sleep(0.1)
 
@@ -109,64 +92,6 @@ def sockets() -> set[Path]:
     return set(BY_PATH.glob("*"))
 
 
-def speed_m_s() -> float:
-    return max(map(abs, read_truth(Path("/run/truth0"))[-1].speed_m_s))
-
-
-def clock() -> None:
-    """No clock: it starts in 1970, and is set while the robot stands and while it drives."""
-
-    def set_to(unix_s: float) -> None:
-        sh(f"date --set=@{unix_s:.0f}")
-
-    def drives() -> bool:
-        return says("yahboomd", "driving") and speed_m_s() > 0.25
-
-    now_s = time.time()
-    set_to(30)
-    sh("systemctl restart yahboomd")
-    claim("in 1970 it starts", lambda: says("yahboomd", "standing"))
-    Path("/root/driver.py").write_text(DRIVER)
-    sh(f"systemd-run --unit=driver --property=Restart=always {PYTHON} /root/driver.py")
-    claim("and drives", drives)
-    served = show("yahboomd", "MainPID")
-    set_to(now_s)
-    time.sleep(3)
-    claim("set forward by half a century while it drives, it drives on", drives)
-    set_to(now_s - 3600)
-    time.sleep(3)
-    claim("set back by an hour, too", drives)
-    set_to(now_s)
-    claim("its log says so", lambda: "clock" in sh("journalctl -u yahboomd -o cat"))
-    sh("systemctl stop driver")
-    claim("nobody commands: the wheels stand", lambda: speed_m_s() < 0.01)
-    set_to(now_s + 10 * YEAR_S)
-    time.sleep(3)
-    claim("ten years later, at rest, it stands", lambda: says("yahboomd", "standing"))
-    claim("all that is the same process", lambda: show("yahboomd", "MainPID") == served)
-    sh("yahboomd stop")
-    set_to(30)
-    sh("systemctl restart yahboomd")
-    claim("an emergency stop is kept over a restart in 1970", lambda: says("yahboomd", "estopped"))
-    sh("yahboomd stop --release")
-    sh(f"systemd-run --unit=driver --property=Restart=always {PYTHON} /root/driver.py")
-    claim("released, it drives", drives)
-    served = show("yahboomd", "MainPID")
-    os.kill(int(served), signal.SIGKILL)
-    claim("killed, it is back", lambda: show("yahboomd", "MainPID") not in {served, "0"})
-    claim("and drives again", drives)
-    claim("its black box was saved", lambda: "_killed" in sh("ls /var/lib/yahboomd/blackbox"))
-    set_to(now_s)
-    claim("in this century it is explained", lambda: "killed" in sh("yahboomd blackbox explain"))
-    sh("systemctl stop yahboomd driver")
-    claim("stopped, the wheels stand", lambda: speed_m_s() < 0.01)
-    claim("with success", lambda: show("yahboomd", "Result") == "success")
-    errors = sh("journalctl --unit=yahboomd --output=cat")
-    claim("its journal has no traceback", lambda: "Traceback" not in errors)
-    sh("systemctl start yahboomd")
-    claim("it stands ready again", lambda: says("yahboomd", "standing"))
-
-
 def main() -> None:
     sh("modprobe vhci-hcd")
     claim("the service is up, without a board", lambda: says("yahboomd", "waiting"))
@@ -189,8 +114,6 @@ def main() -> None:
         "sh -c 'exec 3<>/dev/ttyS1'"
     )
     claim("no other port is open to it", lambda: "Operation not permitted" in sh(denied))
-
-    clock()
 
     killed = show("yahboomd", "MainPID")
     os.kill(int(killed), signal.SIGKILL)
