@@ -30,17 +30,19 @@ TRY = """
 set -e
 yahboomd --version
 yahboomd simulate --link /tmp/board &
-until [ -e /tmp/board ]; do sleep 0.1; done
+board=$!
+trap 'kill $board $daemon 2>/dev/null || true' EXIT
+until [ -e /tmp/board ]; do kill -0 $board; sleep 0.1; done
 yahboomd run --port /tmp/board --no-guard &
 daemon=$!
-yahboomd send --timeout 120 --vx 0.2 --for 2
+until yahboomd send --timeout 120 --vx 0.2 --for 2; do kill -0 $daemon; sleep 1; done
 yahboomd pose
 yahboomd stop --port /tmp/board
 kill $daemon
 wait $daemon
 echo "it drove, stopped and ended with standing wheels"
-kill %1
 """
+"""An image is tried beside this machine's other programs: only its own board is stopped."""
 
 
 def main() -> int:
@@ -101,8 +103,9 @@ def _build(cache: Path, base: str, processor: str, output: Path) -> Path:
         )
         subprocess.run(["tar", "-x", "-C", folder], input=packed.stdout, check=True)
         _must(
-            cache, "build", "--quiet", "--layers", "--isolation=chroot", f"--arch={processor}", *secret,
-            f"--build-arg=BASE={base}", f"--build-arg=VERSION={version}", "--tag", name, folder,
+            cache, "build", "--quiet", "--layers", "--isolation=chroot", *secret,
+            f"--arch={processor}", f"--build-arg=BASE={base}",
+            f"--build-arg=VERSION={version}", "--tag", name, folder,
         )  # fmt: skip
     container = _said(cache, "from", f"--arch={processor}", "--pull-never", name)
     try:
