@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 import system_test
 from system_test import TREE, Impossible
 
-PATIENCE_S = 1200
+PATIENCE_S = 1800
 TOOLS = {"qemu-system-x86_64": "qemu-system-x86", "mke2fs": "e2fsprogs"}
 
 SETUP = r"""
@@ -139,7 +139,7 @@ def boot(
     kernel = next((root / "boot").glob("vmlinuz-*"))
     initrd = next((root / "boot").glob("initrd.img-*"))
     print("booting (some minutes)", flush=True)
-    subprocess.run(
+    emulator = subprocess.Popen(
         [
             *(*computer, "-m", "1024", "-smp", "2", "-nic", "none"),
             *("-no-reboot", "-display", "none", "-monitor", "none", "-serial", f"file:{words}"),
@@ -148,9 +148,14 @@ def boot(
             *("-drive", f"file={image},if=virtio,format=raw"),
         ],
         stdin=subprocess.DEVNULL,
-        timeout=PATIENCE_S,
-        check=False,
     )
+    try:
+        emulator.wait(PATIENCE_S)
+    except subprocess.TimeoutExpired:
+        print(f"after {PATIENCE_S / 60:.0f} minutes it was switched off", flush=True)
+    finally:
+        emulator.kill()
+        emulator.wait()
     return words.read_text(errors="replace").replace("\r", "")
 
 
