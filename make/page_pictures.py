@@ -71,6 +71,7 @@ class Robots:
         try:
             yield page
         finally:
+            page.evaluate(END)
             page.close()
 
     def close(self) -> None:
@@ -84,6 +85,11 @@ def _sets(*settings: str) -> tuple[str, ...]:
 NAME = """fetch("/session/name", { method: "POST", headers: { "Content-Type": "application/json" },
     body: JSON.stringify({ name: "%s" }) }).then(() => 0)"""
 
+END = """fetch("/sessions").then((answer) => answer.json()).then(({ sessions }) =>
+    fetch(`/sessions/${sessions.find((each) => each.mine).id}/end`, { method: "POST",
+        headers: { "Content-Type": "application/json" }, body: "{}" })).then(() => 0)"""
+"""This phone's session ends: the next one may have its name."""
+
 State = Iterator[tuple[Page, Callable[[], object]]]
 """A page in a state, and what brings that state about anew in another size."""
 
@@ -95,6 +101,10 @@ def nothing() -> None:
 def show(page: Page, view: str) -> None:
     page.evaluate(f"location.hash = '#{view}'")
     page.until(f"document.querySelector('#{view}')?.checkVisibility()")
+
+
+def there(page: Page, selector: str) -> None:
+    page.until(f"document.querySelector('{selector}') !== null")
 
 
 def drive(bench: PageBench, page: Page, right: float = 0.45, up: float = 0.75) -> None:
@@ -117,6 +127,8 @@ def views(robots: Robots, view: str) -> State:
     with robots.phone() as page:
         if view in ("map", "wheels"):
             draw_a_path(robots.plain, page)
+            # Commands that were refused meanwhile are named for a while.
+            page.says("#why", "Ready.")
         show(page, view)
         yield page, nothing
 
@@ -247,7 +259,7 @@ def going(robots: Robots) -> State:
     with robots.phone() as page:
         show(page, "map")
         page.evaluate("[...document.querySelectorAll('.tools button')].at(-1).click()")
-        page.until("document.querySelector('.going')")
+        there(page, ".going")
 
         def mark() -> None:
             x, y = page.middle("canvas.map")
@@ -262,16 +274,16 @@ def going_without(robots: Robots) -> State:
     with robots.phone() as page:
         show(page, "map")
         page.evaluate("[...document.querySelectorAll('.tools button')].at(-1).click()")
-        page.until("document.querySelector('.going')")
+        there(page, ".going")
         yield page, nothing
 
 
 def calibrating(robots: Robots) -> State:
     with robots.phone() as page:
         show(page, "calibrate")
-        page.until("document.querySelector('.choice:not([hidden]) [type=submit]')")
+        there(page, ".choice:not([hidden]) [type=submit]")
         page.click(".choice [type=submit]")
-        page.until("document.querySelector('.calibrate .hold')")
+        there(page, ".calibrate .hold")
         yield page, nothing
         page.evaluate("document.querySelector('.wizard > button').click()")
 
@@ -279,7 +291,7 @@ def calibrating(robots: Robots) -> State:
 def measuring(robots: Robots) -> State:
     with robots.phone() as page:
         show(page, "calibrate")
-        page.until("document.querySelector('.choice:not([hidden]) details')")
+        there(page, ".choice:not([hidden]) details")
         page.evaluate("document.querySelector('[name=speed]').value = 0.4")
         page.click(".choice [type=submit]")
 
@@ -290,7 +302,7 @@ def measuring(robots: Robots) -> State:
                 page.key("Enter", down=True)
             return bool(page.evaluate("Boolean(document.querySelector('#answer'))"))
 
-        page.until("document.querySelector('.calibrate .hold')")
+        there(page, ".calibrate .hold")
         until(run)
         page.key("Enter", down=False)
         yield page, nothing
@@ -321,7 +333,7 @@ def boxes(robots: Robots) -> State:
         show(page, "boxes")
         page.says(".files", "Emergency stop")
         page.evaluate("document.querySelectorAll('.boxes .files li button')[0].click()")
-        page.until("document.querySelector('.story')")
+        there(page, ".story")
         yield page, nothing
 
 
