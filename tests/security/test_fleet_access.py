@@ -52,7 +52,8 @@ def test_another_robots_certificate_neither_drives_a_robot_nor_resets_it_and_the
             with bench.person("robots/bot2", where) as thief:
                 zid = str(thief.zid())
                 for _ in range(20):
-                    thief.put(f"{ONE}/cmd_vel", DRIVE)
+                    for source in ("cmd_vel", "cmd_vel/max", "cmd_vel/bot2"):
+                        thief.put(f"{ONE}/{source}", DRIVE)
                     thief.put(f"{ONE}/yahboomd/odometry/set_pose", b'{"x":5,"y":0,"theta":0}')
                     thief.get(f"{ONE}/yahboomd/odometry/set_pose", payload=b'{"x":5}', timeout=0.1)
                     thief.get(f"{ONE}/yahboomd/estop/reset", timeout=0.1)
@@ -63,7 +64,8 @@ def test_another_robots_certificate_neither_drives_a_robot_nor_resets_it_and_the
         assert pose["x"] == pytest.approx(0.0, abs=1e-6)
         # The same command moves it for somebody who may drive.
         wait_for(
-            lambda: session.put(f"{ONE}/cmd_vel", DRIVE) or robot.travelled_m() > 0.1, "it drives"
+            lambda: session.put(f"{ONE}/cmd_vel/max", DRIVE) or robot.travelled_m() > 0.1,
+            "it drives",
         )
         with bench.person("people/vera", "top") as viewer:
 
@@ -73,7 +75,7 @@ def test_another_robots_certificate_neither_drives_a_robot_nor_resets_it_and_the
 
             wait_for(stopped, "the fleet's stop reached it")
             driven = sum(robot.settled_truth().travel_m)
-            session.put(f"{ONE}/cmd_vel", DRIVE)
+            session.put(f"{ONE}/cmd_vel/max", DRIVE)
             (answer,) = answers(viewer, "yahboomd/estop")
             assert answer["success"]
             assert answers(viewer, "yahboomd/estop/reset", 1.0) == []
