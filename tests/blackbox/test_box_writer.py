@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import os
 import threading
 from pathlib import Path
 
+import pytest
 from msgspec import structs
 
 from yahboomd.blackbox.box_file import Saved, read_box
@@ -75,7 +77,10 @@ async def test_a_folder_that_others_control_is_not_used(tmp_path: Path) -> None:
     assert list(folder.iterdir()) == []
 
 
-async def test_a_ring_that_was_left_becomes_a_box_and_goes(tmp_path: Path) -> None:
+async def test_a_ring_that_was_left_becomes_a_box_and_goes(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO, "yahboomd")
     file = RingFile(tmp_path, HEADER)
     file.ring.write(2, b"$MAll:1,2,3,4#\r\n", 7)
     file.close(keep=True)
@@ -84,6 +89,7 @@ async def test_a_ring_that_was_left_becomes_a_box_and_goes(tmp_path: Path) -> No
     assert writer.left == 1
     found = await outcome_of(writer.adopt)
     assert found.path is not None
+    assert "An earlier daemon's black box was saved (killed)" in caplog.text
     box = read_box(found.path.read_bytes())
     assert box.header.saved is not None
     assert (box.header.saved.reasons, box.header.saved.at_ns) == (("killed",), 0)

@@ -196,7 +196,7 @@ class BoxWriter:
             self._thread = None
             done(instead(str(error)))
 
-    def _write(self, header: Header, segments: bytes) -> BoxOutcome:
+    def _write(self, header: Header, segments: bytes, *, whose: str = "The") -> BoxOutcome:
         assert header.saved is not None
         if self._folder is None:
             return self._failed("there is no state directory: name one with blackbox.folder")
@@ -214,7 +214,8 @@ class BoxWriter:
             return self._failed(f"{self._folder}: {error.strerror or error}")
         self.saved += 1
         self._failing = False
-        log.info("The black box was saved (%s): %s", ", ".join(header.saved.reasons), path)
+        reasons = ", ".join(header.saved.reasons)
+        log.info("%s black box was saved (%s): %s", whose, reasons, path)
         return BoxOutcome(path)
 
     def _adopted(self, ring: LeftRing, wall_ns: int) -> BoxOutcome:
@@ -223,7 +224,9 @@ class BoxWriter:
             saved = Saved(reasons=ring.reasons, at_ns=0, wall_ns=wall_ns)
         except NotABox as error:
             return self._damaged(ring.path, str(error))
-        outcome = self._write(structs.replace(header, saved=saved), segments_of(ring.data))
+        header = structs.replace(header, saved=saved)
+        # A start that says "(estop)" would seem to be stopped itself.
+        outcome = self._write(header, segments_of(ring.data), whose="An earlier daemon's")
         if outcome.path is not None:
             ring.remove()
         return outcome
