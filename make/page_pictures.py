@@ -2,7 +2,7 @@
 
 make pictures                               docs/images/page.png, page_desktop.png, page_tools.png
 make pictures ARGS='build/pictures'         every view and state, in four sizes, light and dark
-make pictures ARGS='build/pictures --text 200 --only drives --only view-map'
+make pictures ARGS='build/pictures --text 200 --width 360 --only drives --only view-map'
 """
 
 from __future__ import annotations
@@ -133,13 +133,18 @@ def views(robots: Robots, view: str) -> State:
         yield page, nothing
 
 
+PAD = "document.querySelector('.pad')?.checkVisibility()"
+"""Not beside the map of a phone upright."""
+
+
 def driving(robots: Robots, view: str = "drive") -> State:
     with robots.phone() as page:
         page.evaluate(f"location.hash = '#{view}'")
 
         def press() -> None:
             page.lift()
-            drive(robots.plain, page)
+            if page.evaluate(PAD):
+                drive(robots.plain, page)
 
         yield page, press
         page.lift()
@@ -166,10 +171,12 @@ def stop_unanswered(robots: Robots) -> State:
     robots.plain.recover()
 
 
-def no_board(robots: Robots) -> State:
+def no_board(robots: Robots, *, whole: bool = False) -> State:
     with robots.phone() as page:
         robots.plain.robot.do("unplug 600")
         page.says("#state", "waiting")
+        if whole:
+            page.click("#more")
         yield page, nothing
         robots.plain.robot.do("replug")
         page.says("#state", "standing")
@@ -206,14 +213,14 @@ def no_daemon(robots: Robots) -> State:
 def slow_network(robots: Robots) -> State:
     with robots.phone() as page:
         robots.plain.network.delay_s = 0.4
-        page.says(".words", "too slow to drive")
+        page.says("#state", "slow network")
         yield page, nothing
         robots.plain.recover()
 
 
 def no_session(robots: Robots) -> State:
     page = robots.browser.open(robots.plain.url, apart=True)
-    page.says("#main", "--show-link")
+    page.says("#state", "no access")
     yield page, nothing
     page.close()
 
@@ -333,7 +340,7 @@ def boxes(robots: Robots) -> State:
         show(page, "boxes")
         page.says(".files", "Emergency stop")
         page.evaluate("document.querySelectorAll('.boxes .files li button')[0].click()")
-        there(page, ".story")
+        there(page, ".story table")
         yield page, nothing
 
 
@@ -401,6 +408,7 @@ STATES: dict[str, Callable[[Robots], State]] = {
     "stopped-map": lambda robots: stopped(robots, "map"),
     "stop-unanswered": stop_unanswered,
     "no-board": no_board,
+    "no-board-whole": lambda robots: no_board(robots, whole=True),
     "fault": fault,
     "lost-server": lost_server,
     "no-daemon": no_daemon,
@@ -427,13 +435,15 @@ STATES: dict[str, Callable[[Robots], State]] = {
 }
 
 
-def take_all(robots: Robots, folder: Path, names: list[str], percent: int) -> None:
+def take_all(
+    robots: Robots, folder: Path, names: list[str], percent: int, widths: list[int]
+) -> None:
     """Every state in every size and scheme."""
     folder.mkdir(parents=True, exist_ok=True)
     for name in names or STATES:
         try:
             with contextmanager(STATES[name])(robots) as (page, again):
-                for size in SIZES:
+                for size in [each for each in SIZES if not widths or each[0] in widths]:
                     page.resize(*size, phone=size != DESKTOP)
                     enlarge(page, percent)
                     again()
@@ -500,13 +510,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n", maxsplit=1)[0])
     parser.add_argument("folder", nargs="?", type=Path, help="take every view and state into it")
     parser.add_argument("--text", type=int, default=100, help="the size of text, in percent")
+    parser.add_argument(
+        "--width", action="append", type=int, default=[], help="only this size", metavar="PIXELS"
+    )
     parser.add_argument("--only", action="append", default=[], choices=list(STATES))
     args = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="yahboomd-pictures-") as name:
         robots = Robots(Path(name))
         try:
             if args.folder:
-                take_all(robots, args.folder, args.only, args.text)
+                take_all(robots, args.folder, args.only, args.text, args.width)
             else:
                 take_for_docs(robots, Path(name))
         finally:

@@ -31,7 +31,7 @@ def page(bench: PageBench, moves: Process) -> Iterator[Page]:
     with bench.page(f"{bench.url}#map") as page:
         page.says(".where", "heading")
         page.click(".tools button:last-child")
-        page.says(WORDS, "Hold a place of the map")
+        page.says(WORDS, "Hold a place")
         yield page
 
 

@@ -53,7 +53,8 @@ def test_a_viewer_watches_and_stops_and_neither_drives_nor_releases(
     with bench.page(url=viewer) as page:
         page.says(".words", "watch and stop")
         assert page.evaluate("location.hash + document.cookie") == ""
-        x, y = page.middle(".pad")
+        assert not page.evaluate("document.querySelector('.pad').checkVisibility()")
+        x, y = page.middle(".zone")
         page.touch((x, y))
         page.touch((x, y - 60), kind="touchMove")
         bench.stays()

@@ -193,6 +193,8 @@ def test_a_calibration_by_tape_through_the_page_writes_the_true_size(
         page.tap(".answer [type=submit]")
 
     length_m, _ = run()
+    page.tap(".answer [type=submit]")
+    page.says(".wizard .error", "Type what you measured")
     answer("far")
     page.says(".wizard .error", "A number of metres")
     answer(f"{length_m:.4f}")

@@ -222,7 +222,86 @@ def test_neither_a_stop_nor_its_words_move_or_cover_the_pad_and_they_grow_with_t
     assert box(page, ".pad") == pytest.approx(before, abs=1.0)
 
 
+@LONG
+@pytest.mark.parametrize("size", [(1280, 800), DESKTOP])
+def test_map_and_joystick_are_used_together_on_a_wide_screen(
+    bench: PageBench, page: Page, size: tuple[int, int]
+) -> None:
+    page.resize(*size, phone=False)
+    show(page, "map")
+    page.says(".where", "heading")
+    page.until("document.querySelector('.pad').clientWidth > 199")
+    assert covered(page, ".pad") == covered(page, ".place") == covered(page, "#estop") == []
+    before = page.text(".where")
+    bench.press(page)
+    page.until(f"document.querySelector('.where').innerText !== {json.dumps(before)}")
+    bench.stops_after(page.lift)
+    wait_for(lambda: page.evaluate(INK), "the path is drawn")
+    # A finger on the map moves the map alone.
+    x, y = page.middle("canvas.map")
+    page.touch((x, y))
+    page.touch((x - 80, y + 60), kind="touchMove")
+    bench.stays()
+    page.lift()
+    page.until("document.querySelector('.tools [aria-pressed]').ariaPressed === 'false'")
+
+
+@LONG
+@pytest.mark.parametrize("size", [PHONE, ON_ITS_SIDE])
+def test_a_long_reason_is_read_whole_by_a_button_and_nothing_moves_for_it(
+    bench: PageBench, page: Page, size: tuple[int, int]
+) -> None:
+    page.resize(*size, phone=True)
+    page.until("document.querySelector('.pad').clientWidth > 199")
+    pad, stop, state = (box(page, each) for each in (".pad", "#estop", "#state"))
+    assert not page.evaluate("document.querySelector('#more').checkVisibility()")
+    try:
+        bench.robot.do("unplug 600")
+        page.says("#state", "waiting")
+        page.says("#why", "there is no such port")
+        page.until("document.querySelector('#more').checkVisibility()")
+        assert cut(page, "#why")
+        page.tap("#more")
+        page.until("document.querySelector('#more').ariaExpanded === 'true'")
+        assert not cut(page, "#why")
+        assert covered(page, "#why") == covered(page, "#estop") == []
+        assert box(page, ".pad") == pytest.approx(pad, abs=1.0)
+        assert box(page, "#estop") == pytest.approx(stop, abs=1.0)
+        assert box(page, "#state")[1] == pytest.approx(state[1], abs=1.0)
+        # A touch of anything else closes it.
+        page.tap("#driver")
+        page.until("document.querySelector('#more').ariaExpanded === 'false'")
+    finally:
+        bench.robot.do("replug")
+    page.says("#state", "standing")
+    page.until("!document.querySelector('#more').checkVisibility()")
+
+
+@LONG
+def test_without_a_daemon_the_page_says_so_in_a_sentence_and_shows_no_old_figures(
+    make_bench: Callable[..., PageBench],
+) -> None:
+    bench = make_bench()
+    with bench.page() as page:
+        bench.ready(page)
+        page.says("#battery", "V")
+        bench.robot.daemon.end()
+        page.says("#state", "no daemon")
+        page.says("#why", "Is yahboomd running on the robot? Details are in Health.")
+        assert page.text("#battery") == ""
+        show(page, "health")
+        page.says("#health", "yahboomd")
+        page.until(
+            "/no yahboomd is there|No yahboomd answers|lost/.test("
+            "document.querySelector('#health').innerText)"
+        )
+        bench.robot.start_daemon()
+        page.says("#state", "standing")
+
+
 RELEASE = " To drive again: `yahboomd stop --release`."
+LATELY = "Commands refused lately: 3 no_velocity."
+EMPTY = "The battery is empty: 6.0 V at rest, less than board.battery_stop_v = 6.2."
 
 
 def test_the_daemons_reasons_stay_exact_except_that_nobody_drives_and_what_a_button_does(
@@ -235,7 +314,10 @@ def test_the_daemons_reasons_stay_exact_except_that_nobody_drives_and_what_a_but
         ("driver", f"{stop}{RELEASE} cmd_vel ended with a zero command 3.0 s ago.", stop),
         ("viewer", f"{stop}{RELEASE}", f"{stop}{RELEASE}"),
         ("driver", "cmd_vel drove and was lost 3.0 s ago: its client left the bus.", ""),
-        ("driver", "No source commands motion. Commands refused lately: 3 no_velocity.", ""),
+        ("driver", f"The page ended with a zero command 60 s ago. {EMPTY}", EMPTY),
+        ("driver", "The page commands zero and keeps control.", "Ready."),
+        ("driver", "cmd_vel/teleop commands zero and keeps control.", ""),
+        ("driver", "No source commands motion. Commands refused lately: 3 no_velocity.", LATELY),
     ):
         asked = f"import('/page/header.js').then((m) => m.plain({json.dumps(why)}, '{role}'))"
         assert page.evaluate(asked) == (shown or why)

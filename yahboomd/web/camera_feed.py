@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import os
 import re
 import socket
 from collections import Counter
@@ -180,7 +181,9 @@ class CameraFeed:
         except h11.RemoteProtocolError:
             return CameraRefusal("not_http", "sends no proper answer of HTTP")
         except OSError as error:
-            words = (error.strerror or str(error)).strip().rstrip(".")
+            # asyncio's own text of it is for programmers.
+            known = error.errno is not None and error.errno > 0
+            words = os.strerror(error.errno or 0) if known else str(error).strip().rstrip(".")
             return CameraRefusal("no_answer", f"does not answer: {words}")
         except UnicodeError:
             return CameraRefusal("no_answer", "has a name that no machine can have")

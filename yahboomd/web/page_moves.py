@@ -24,8 +24,7 @@ SPEED_M_S, TURN_RAD_S = 0.3, 1.5
 
 NO_MOVES = PageRefusal(
     why="no_moves",
-    text="The robot cannot go to places, because `yahboomd moves` does not run there: start that "
-    "service first.",
+    text="The robot cannot go to places, because `yahboomd moves` does not run there.",
 )
 NO_POSE = "No pose came yet, so nothing was driven."
 LET_GO = "You let go: the robot stops."

@@ -85,9 +85,12 @@ export function create(app) {
       const signed = question.name === "length" ? [] : [turn];
       const submit = (event) => {
         event.preventDefault();
-        send(input.value);
+        if (input.value.trim() || !input.required) send(input.value);
+        else write(wrong, "Type what you measured, then continue.");
       };
-      return el("form", { onsubmit: submit }, el("label", { for: "answer" }, { m: "metres", mm: "millimetres", deg: "degrees" }[question.unit] ?? ""), input, ...signed, el("button", { type: "submit", class: "primary" }, "Continue"));
+      // The Enter that moved the robot may still be down.
+      const held = (event) => event.key === "Enter" && event.repeat && event.preventDefault();
+      return el("form", { novalidate: true, onsubmit: submit, onkeydown: held }, el("label", { for: "answer" }, { m: "metres", mm: "millimetres", deg: "degrees" }[question.unit] ?? ""), input, ...signed, el("button", { type: "submit", class: "primary" }, "Continue"));
     };
     const button = (label) => el("button", { type: "button", class: "primary", onclick: () => send("") }, label);
     const parts = { confirm: () => button("Done"), start: () => button("Begin"), hold: () => hold.element, number: form };

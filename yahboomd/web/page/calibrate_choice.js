@@ -37,15 +37,17 @@ export class Choice {
     this.words = el("p");
     this.command = el("code", {});
     this.fields = el("div", { class: "fields" });
+    this.wrong = el("p", { class: "error", role: "alert" });
     this.start = el("button", { type: "submit", class: "primary" }, "Begin");
     this.element = el(
       "form",
-      { class: "card choice", onsubmit: (event) => this.#submit(event, onStart) },
+      { class: "card choice", novalidate: true, onsubmit: (event) => this.#submit(event, onStart) },
       el("h2", {}, "Find the true size of the robot"),
       el("div", { class: "tools", role: "group", "aria-label": "Method" }, ...this.methods),
       this.words,
       this.command,
       this.fields,
+      this.wrong,
       this.start,
     );
     this.#choose(METHODS[0]);
@@ -60,6 +62,7 @@ export class Choice {
 
   #choose(method) {
     this.#method = method;
+    this.wrong.textContent = "";
     METHODS.forEach((each, at) => this.methods[at].setAttribute("aria-pressed", each === method));
     this.words.textContent = method.words;
     this.command.textContent = method.command ?? "";
@@ -90,6 +93,13 @@ export class Choice {
   #submit(event, onStart) {
     event.preventDefault();
     const choices = {};
+    const bad = [...this.#inputs.values()].find(({ validity }) => validity.valueMissing || validity.badInput || validity.rangeUnderflow || validity.rangeOverflow);
+    this.wrong.textContent = bad ? `${bad.parentElement.firstChild.textContent.trim()}: a number from ${bad.min} to ${bad.max} is needed.` : "";
+    if (bad) {
+      bad.closest("details")?.setAttribute("open", "");
+      bad.focus();
+      return;
+    }
     for (const [name, input] of this.#inputs) choices[name] = input.valueAsNumber;
     for (const [name, button] of this.#switches) choices[name] = button.ariaPressed === "true";
     onStart(this.#method.verb, choices);

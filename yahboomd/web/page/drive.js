@@ -134,6 +134,7 @@ function create(app) {
     const isViewer = live.newest("hello")?.role === "viewer";
     limitRow.hidden = isViewer; // It would do nothing.
     slideRow.hidden = isViewer || !sideways();
+    joystick.pad.hidden = isViewer;
     const why = deadman.held ? "" : obstacle(connection, live);
     joystick.pad.classList.toggle("barred", Boolean(why));
     for (const each of presets) each.setAttribute("aria-pressed", each.value === slider.value);
@@ -173,8 +174,9 @@ function create(app) {
   for (const type of ["hello", "control", "daemon", "status", "link", "delay"]) live.on(type, show);
   live.on("twist", ({ sample }) => {
     if (!isShown) return;
-    const across = sideways() ? `, sideways ${fixed(sample.vy, 2)} m/s` : "";
-    write(speed, `Forward ${fixed(sample.vx, 2)} m/s${across}, turn ${fixed(sample.wz, 2)} rad/s`);
+    // A line for each: what changes its length must not move the pad.
+    const across = sideways() ? `sideways ${fixed(sample.vy, 2)} m/s\n` : "";
+    write(speed, `Forward ${fixed(sample.vx, 2)} m/s\n${across}turn ${fixed(sample.wz, 2)} rad/s`);
   });
 
   const element = el(

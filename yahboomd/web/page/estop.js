@@ -112,7 +112,7 @@ export class Estop {
     if (this.#wanted && this.#attempts === 1) return "Asking the robot to stop\u2026";
     if (this.#wanted) {
       const off = this.#answer.includes(OFF) ? "" : OFF;
-      return [`Not acknowledged yet, attempt ${this.#attempts}.`, off, this.#answer].filter(Boolean).join(" ");
+      return [off, `Not acknowledged yet, attempt ${this.#attempts}.`, this.#answer].filter(Boolean).join(" ");
     }
     if (!engaged) return this.#answer;
     const who = mine ? "" : " Only the page that has control can release it.";

@@ -160,6 +160,8 @@ export class GoThere {
     this.bar.value = move.state === "none" ? 0 : (move.done ?? 0);
     this.panel.classList.toggle("held", this.deadman.held);
     write(this.words, this.#text(move));
+    // Without the service they would do nothing.
+    this.bar.hidden = this.panel.lastChild.hidden = Boolean(this.live.newest("hello")?.no_moves);
   }
 
   #text(move) {
@@ -169,7 +171,7 @@ export class GoThere {
     if (barred) return barred;
     if (move.state === "running") return left(move);
     if (move.state === "ended" && !this.#isNew) return move.message;
-    return "Hold a place of the map: the robot goes there until you let go. A short touch only marks it.";
+    return "Hold a place: the robot goes there until you let go. A short touch marks it.";
   }
 }
 

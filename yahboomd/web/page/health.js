@@ -57,7 +57,7 @@ function create({ live, connection }) {
     fact("Network", connection.isOpen ? (delay ? `${Math.round(delay)} ms there and back` : "connected") : "not connected");
     const hello = live.newest("hello");
     fact("Camera", hello?.camera ? eyes(live.newest("camera")) : "");
-    fact("yahboomd", hello?.version ?? "");
+    fact("yahboomd", live.newest("daemon")?.alive === false ? live.newest("daemon").text : (hello?.version ?? ""));
     fact("This page", hello ? (hello.role === "driver" ? "may drive" : "may watch and stop") : "");
     counters.show();
     events.show();

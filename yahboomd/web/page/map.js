@@ -50,8 +50,6 @@ function create(app) {
   const tools = el(
     "div",
     { class: "tools" },
-    button("+", "Zoom in", () => zoom(1.5)),
-    button("−", "Zoom out", () => zoom(1 / 1.5)),
     follow,
     button("Show all", "Show all of the path", showAll),
     button("Clear", "Forget the path that is drawn; the robot's pose stays", () => {
@@ -61,7 +59,8 @@ function create(app) {
     setPose.opener,
     go.opener,
   );
-  const element = el("section", { class: "mapview" }, tools, setPose.form, canvas.element, go.panel, where);
+  const zooms = el("div", { class: "zooms" }, button("+", "Zoom in", () => zoom(1.5)), button("−", "Zoom out", () => zoom(1 / 1.5)));
+  const element = el("section", { class: "mapview" }, tools, el("div", { class: "place" }, canvas.element, zooms, setPose.hint), setPose.form, go.panel, where);
 
   live.on("pose", ({ sample }) => {
     pose = sample;
@@ -69,6 +68,8 @@ function create(app) {
     if (element.hidden) return;
     changed();
   });
+  // A viewer's would be refused.
+  live.on("hello", ({ role }) => (setPose.opener.hidden = go.opener.hidden = role === "viewer"));
   live.on("link", ({ open }) => open && path.interrupt());
   live.on("event", ({ sample }) => /odometry|pose/.test(sample.kind) && path.interrupt());
 
@@ -293,5 +294,5 @@ function describe({ x, y, theta, covariance }, age) {
   const old = age > OLD_MS ? ` The pose is ${fixed(age / 1000, 0)} s old.` : "";
   const off = 2 * degrees(Math.sqrt(Math.max(0, covariance[8])));
   const heading = off < 180 ? `${fixed(around, 0)}° ± ${fixed(off, 0)}°` : "unknown";
-  return `x ${fixed(x, 2)} m ± ${sure(covariance[0])}, y ${fixed(y, 2)} m ± ${sure(covariance[4])}, heading ${heading}.${old}`;
+  return `x ${fixed(x, 2)} ± ${sure(covariance[0])} m, y ${fixed(y, 2)} ± ${sure(covariance[4])} m, heading ${heading}.${old}`;
 }

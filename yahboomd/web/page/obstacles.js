@@ -9,12 +9,11 @@ const DELAY_GOOD_MS = 2500; // A delay measured longer ago than this is ignored.
 export function obstacle(connection, live) {
   const hello = live.newest("hello");
   if (!connection.isOpen || !hello) return "There is no connection to the robot's computer.";
-  const lapse = hello.lapse_ms ?? 300;
+  const lapse = lapseOf(live);
   if (connection.beatAge > lapse)
     return `Nothing came from the robot for ${duration(connection.beatAge)}: the network is too weak.`;
-  const delay = delayOf(live);
-  if (delay > lapse)
-    return `The network is too slow to drive: ${Math.round(delay)} ms, ${lapse} ms at most.`;
+  const slow = weakness(live);
+  if (slow) return slow;
   if (hello.role !== "driver") return "This phone may watch and stop the robot, not drive it.";
   const daemon = live.newest("daemon");
   // The header has the daemon's own words.
@@ -27,6 +26,14 @@ export function obstacle(connection, live) {
   if (status?.state === "waiting") return "The robot waits. Why, and what to do, stands above.";
   const control = live.newest("control");
   return control?.mine || control?.page_driver === null ? "" : `${control?.name ?? "Another page"} has control of the robot.`;
+}
+
+const lapseOf = (live) => live.newest("hello")?.lapse_ms ?? 300;
+
+/** Whether the network is too slow to drive, in words; "" if it is not. */
+export function weakness(live) {
+  const [delay, lapse] = [delayOf(live), lapseOf(live)];
+  return delay > lapse ? `The network is too slow to drive: ${Math.round(delay)} ms, ${lapse} ms at most.` : "";
 }
 
 /** The newest round-trip delay, in ms; 0 if none is known. */

@@ -96,7 +96,7 @@ export function create({ live, connection }) {
     const doubt = el(
       "p",
       { class: "doubt" },
-      `${each.mine ? "This phone" : "It"} then needs a new link. `,
+      el("span", {}, `${each.mine ? "This phone" : "It"} then needs a new link.`),
       el("button", { type: "button", onclick: keep }, "Keep it"),
       el("button", { type: "button", class: "danger", onclick: () => end(each.id) }, "End the session"),
     );

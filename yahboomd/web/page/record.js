@@ -51,7 +51,7 @@ export function create({ live, connection }) {
     write(words, problem || (running ? `Recording ${running}: ${elapsed()}, ${amount(now().bytes)}.` : now()?.ended ?? ""));
     if (!listed) return;
     const free = listed.free_bytes === null ? "" : `${amount(listed.free_bytes)} of the disk are free.`;
-    write(room, `${listed.recordings.length} recordings, ${amount(listed.bytes)} of at most ${amount(listed.most_bytes)}. ${free}`);
+    write(room, `${listed.recordings.length} ${listed.recordings.length === 1 ? "recording" : "recordings"}, ${amount(listed.bytes)} of at most ${amount(listed.most_bytes)}. ${free}`);
     const rows = JSON.stringify([listed.recordings, doubted, driver()]);
     if (rows !== list.dataset.shown) {
       list.dataset.shown = rows;

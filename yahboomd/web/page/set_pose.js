@@ -22,14 +22,13 @@ export class SetPose {
     this.answer = el("p", { role: "status" });
     this.form = el(
       "form",
-      { class: "setpose", hidden: true, onsubmit: (event) => this.#submit(event) },
-      el("p", {}, "Touch the robot's place on the map, and drag in the direction that it faces; or type."),
+      { class: "setpose", hidden: true, novalidate: true, onsubmit: (event) => this.#submit(event) },
       ...Object.entries(this.inputs).map(([name, input]) => el("label", {}, `${units[name]} `, input)),
       el("button", { type: "submit", class: "primary" }, "Set"),
       el("button", { type: "button", onclick: () => this.#fill({ x: 0, y: 0, theta: 0 }) }, "Zero"),
-      el("button", { type: "button", onclick: () => this.#toggle() }, "Close"),
       this.answer,
     );
+    this.hint = el("p", { class: "hint", hidden: true }, "Touch the robot's place, and drag to where it faces.");
   }
 
   /** A finger came down there. */
@@ -50,7 +49,8 @@ export class SetPose {
 
   #toggle() {
     this.isOpen = !this.isOpen;
-    this.form.hidden = !this.isOpen;
+    this.form.hidden = this.hint.hidden = !this.isOpen;
+    this.form.parentElement.classList.toggle("posing", this.isOpen);
     this.opener.setAttribute("aria-expanded", this.isOpen);
     write(this.answer, "");
     if (this.isOpen) this.#fill(this.pose() ?? { x: 0, y: 0, theta: 0 });
@@ -72,13 +72,18 @@ export class SetPose {
 
   #read() {
     const [x, y, heading] = ["x", "y", "heading"].map((name) => this.inputs[name].valueAsNumber);
-    if ([x, y, heading].every(Number.isFinite)) this.wanted = { x, y, theta: (heading * Math.PI) / 180 };
+    const isWhole = [x, y, heading].every(Number.isFinite);
+    if (isWhole) this.wanted = { x, y, theta: (heading * Math.PI) / 180 };
     this.onChange();
+    return isWhole;
   }
 
   async #submit(event) {
     event.preventDefault();
-    this.#read();
+    if (!this.#read()) {
+      write(this.answer, "Three numbers are needed.");
+      return;
+    }
     const answer = await this.connection.request("set_pose", this.wanted);
     write(this.answer, answer.text);
   }

@@ -42,6 +42,7 @@ export class Views {
     app.live.on("hello", (hello) => this.#findCamera(Boolean(hello.camera)));
     app.live.on("hello", (hello) => this.#findFleet(Boolean(hello.fleet)));
     for (const each of [WIDE, ASIDE]) each.addEventListener("change", () => this.#open());
+    addEventListener("resize", () => document.querySelector("#views [aria-current]")?.scrollIntoView({ block: "nearest", inline: "center" }));
     this.#open();
   }
 
