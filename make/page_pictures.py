@@ -269,8 +269,10 @@ def going(robots: Robots) -> State:
         there(page, ".going")
 
         def mark() -> None:
+            # Large text has it below the screen's end; there the stop is.
+            page.evaluate("document.querySelector('.place').scrollIntoView({ block: 'center' })")
             x, y = page.middle("canvas.map")
-            page.touch((x + 40, y - 30))
+            page.touch((x + 20, y - 10))
             page.lift()
 
         yield page, mark
