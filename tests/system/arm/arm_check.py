@@ -147,6 +147,8 @@ def tools() -> None:
     claim("probe finds the board", lambda: found["dialect"] == "streamed")
     options = f"--json --port {LINK} {KNOWN} --output /root/bot.toml"
     words = sh(f"yahboomd setup {options} 2>/root/setup.log", ANSWERS)
+    if not words:
+        print(sh("tail -n 30 /root/setup.log"), flush=True)
     claim("setup finds both motors", lambda: len(json.loads(words)["motors"]) == 2)
     checked = sh("yahboomd config check --config /root/bot.toml >/dev/null && echo good")
     claim("and writes a file that is valid", lambda: checked == "good")
