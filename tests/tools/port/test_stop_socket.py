@@ -12,7 +12,7 @@ import pytest
 
 from yahboomd.core.errors import Refused
 from yahboomd.tools.port.guarded import LeftTurning
-from yahboomd.tools.port.stop_socket import stop_socket
+from yahboomd.tools.port.stop_socket import stop_socket, tools_folder
 
 pytestmark = pytest.mark.realtime
 
@@ -62,3 +62,9 @@ async def test_without_a_socket_no_wheel_is_turned(tmp_path: Path) -> None:
     with pytest.raises(Refused, match="no wheel is turned"):
         async with stop_socket("setup", "/dev/a", {"RUNTIME_DIRECTORY": str(tmp_path / "run")}):
             raise AssertionError
+
+
+def test_roots_tools_have_a_folder_beside_the_services_which_that_user_owns() -> None:
+    assert tools_folder({}, user_id=0) == Path("/run/yahboomd-root")
+    assert tools_folder({"XDG_RUNTIME_DIR": "/x"}, user_id=1000) == Path("/x/yahboomd")
+    assert tools_folder({"RUNTIME_DIRECTORY": "/run/a"}, user_id=0) == Path("/run/a")

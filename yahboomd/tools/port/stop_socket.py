@@ -12,12 +12,24 @@ import contextlib
 import os
 import signal
 from collections.abc import AsyncIterator, Mapping
+from pathlib import Path
 
 from yahboomd.core.config import runtime_folder
 from yahboomd.core.daemon.estop.local_stop import NAME, LocalStop
 from yahboomd.core.errors import Refused
 from yahboomd.core.messages.native import ServiceReply
 from yahboomd.tools.port.guarded import LeftTurning
+
+
+def tools_folder(environ: Mapping[str, str], *, user_id: int) -> Path:
+    """The folder of a tool's stop socket: the daemon's, but one of its own for root.
+
+    The service's folder stays when the service ends, and belongs to the service's user, who could
+    remove the socket of root's tool.
+    """
+    folder = runtime_folder(environ, user_id=user_id)
+    # A stop finds it among those of the services, whose names begin in the same way.
+    return Path("/run/yahboomd-root") if folder == Path("/run/yahboomd") else folder
 
 
 @contextlib.asynccontextmanager
@@ -42,8 +54,9 @@ async def stop_socket(command: str, port: str, environ: Mapping[str, str]) -> As
         await ended.wait()
         return ServiceReply(success=not left_turning, message=words)
 
+    folder = tools_folder(environ, user_id=os.getuid())
     local = LocalStop(
-        folder := runtime_folder(environ, user_id=os.getuid()),
+        folder,
         name=f"{NAME}-{command}",
         engage=engage,
         acknowledged=acknowledged,
