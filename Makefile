@@ -98,7 +98,7 @@ interop-figures: $(VENV)/.dev ## the same at length: latencies, losses, late joi
 	YAHBOOMD_INTEROP=1 $(PYTEST) tests/interop/figures.py tests/interop/test_two_machines.py $(ARGS)
 
 ros-programs: $(VENV)/.dev ## in a sourced ROS 2: robot_state_publisher, twist_mux, slam_toolbox and others, as installed, against a simulated robot
-	$(PYTEST) -rs tests/interop/programs.py $(ARGS)
+	$(PYTEST) -rs tests/interop/programs.py tests/interop/programs_of_two_robots.py $(ARGS)
 
 generators: $(VENV)/.dev ## types made of schemas/ by the generators of six languages read every golden sample (SHORT=1: of two)
 	$(if $(SHORT),,YAHBOOMD_GENERATORS=1 YAHBOOMD_ASYNCAPI=1) $(PYTEST) $(PARALLEL) tests/generators $(ARGS)

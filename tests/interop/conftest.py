@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 import zenoh
 from real_robot import RealRobot
+from ros_graph import graph, graphs, row
 from ros_peers import (
     HERE,
     Bridge,
@@ -35,6 +36,8 @@ LASER = 'ros2.static_transforms=[{parent="base_link",child="laser",x=0.1,yaw=1.5
 
 FAR = "10000000,0,10000000,0"
 """Counters far from those after a reset, so that a delayed board loses no way."""
+
+__all__ = ["graph", "graphs", "row"]
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ import os
 import queue
 import sys
 import threading
+import time
 from collections import deque
 from itertools import takewhile
 from typing import Any
@@ -153,11 +154,11 @@ class World:
         if timer := self.timers.pop(topic, None):
             self.node.destroy_timer(timer)
 
-    def activate(self, node: str) -> None:
+    def activate(self, node: str, patience_s: float = 10.0) -> None:
         from lifecycle_msgs.srv import ChangeState
 
         client = self.node.create_client(ChangeState, f"/{node}/change_state")
-        if not client.wait_for_service(10.0):
+        if not client.wait_for_service(patience_s):
             say(event="unmanaged", node=node)
             return
         for step in (1, 3):
@@ -185,7 +186,7 @@ class World:
         return answer.status, answer.result
 
     def drive_to(self, robot: str, x: float, y: float, start: list[float] | None = None) -> None:
-        """As Nav2's navigator does: a controller that gives up gets a new plan, six times.
+        """As Nav2's navigator does: one that gives up is asked again after a rest, six times.
 
         Without a planner the way is straight, from a start.
         """
@@ -201,6 +202,8 @@ class World:
         errors: list[int] = []
         status = GoalStatus.STATUS_UNKNOWN
         while status != GoalStatus.STATUS_SUCCEEDED and len(errors) < 7:
+            if errors:
+                self.rest_s(5.0)
             if start is None:
                 of = f"/{robot}/compute_path_to_pose"
                 status, planned = self.act(of, ComputePathToPose, place)
@@ -214,6 +217,12 @@ class World:
         places = [each.pose.position for each in planned.path.poses]
         path = [(each.x, each.y) for each in places]
         say(event="arrived", status=status, errors=errors, path=path)
+
+    def rest_s(self, duration_s: float) -> None:
+        """Its recovery that waits: transforms that were late arrive."""
+        ends = time.monotonic() + duration_s
+        while (left_s := ends - time.monotonic()) > 0.0:
+            rclpy.spin_once(self.node, timeout_sec=left_s)
 
     def note_pose(self, odom: Odometry) -> None:
         self.poses.append(odom)
