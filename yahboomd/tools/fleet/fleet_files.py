@@ -123,8 +123,8 @@ class FleetFolder:
         anew, gone = set(renewed), {each.name for each in self.revoked()}
         authority: Authority | None = None
         changed = []
-        identities = self._plan.identities()
-        for name, path in self.paths().items():
+        identities, paths = self._plan.identities(), self.paths()
+        for name, path in paths.items():
             if name in gone:
                 path.unlink(missing_ok=True)
                 continue
@@ -139,7 +139,7 @@ class FleetFolder:
                 _keep(path, text.encode())
                 changed.append(path)
         for robot in self._plan.robots:
-            path = self.paths()[robot_id(robot)].with_suffix(".toml")
+            path = paths[robot_id(robot)].with_suffix(".toml")
             if robot_id(robot) in gone:
                 path.unlink(missing_ok=True)
             else:
