@@ -159,6 +159,10 @@ every-board: $(VENV)/.dev ## every fault on the binary board of the tests too (f
 fleet-stop: $(VENV)/.dev ## `stop --all` of 50 robots over a tree of routers with 50 ms of delay, with faults (a minute; ARGS='--robots 50 --real 3 --delay-ms 50')
 	@$(PY) -m benchmarks.stop_fifty $(ARGS)
 
+.PHONY: fleet-scale
+fleet-scale: $(VENV)/.dev ## 20 daemons, a thousand thin robots, rules for 2,000, long ways with loss: the tables of docs/fleet.md (root; half an hour; ARGS='thin --short')
+	@unshare --net sh -c 'ip link set lo up && exec $(PY) -m benchmarks.fleet_scale $(ARGS)'
+
 .PHONY: fleet-rollout
 fleet-rollout: $(VENV)/.dev ## packaging/ansible on three robots with real systemd, in containers over ssh: good and bad files and versions (root; ten minutes)
 	@$(PY) make/fleet_rollout.py $(ARGS)

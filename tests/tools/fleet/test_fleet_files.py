@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import stat
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -11,6 +12,7 @@ from ruamel.yaml import YAML
 
 pytest.importorskip("cryptography")
 
+from yahboomd.core.bus.options import BusOptions, zenoh_config
 from yahboomd.core.config import Config
 from yahboomd.core.config import read as read_config
 from yahboomd.core.errors import ConfigError
@@ -89,6 +91,15 @@ def test_each_file_has_the_certificate_of_its_name_and_closes_links_as_it_ends(
         file = read_zenoh(path)
         assert name_in(identity_in(file).certificate) == name
         assert file["transport"]["link"]["tls"]["close_link_on_expiration"] is True
+
+
+def test_a_persons_programs_wait_for_a_way_of_two_seconds_and_their_session_for_them(
+    made: FleetFolder,
+) -> None:
+    """TLS and Zenoh take five round trips, of 0.4 s over a bad mobile connection."""
+    options = BusOptions(mode="client", config_file=made.paths()["person.vera"])
+    wait_ms = json.loads(zenoh_config(options).get_json("connect/timeout_ms"))
+    assert 2000 < wait_ms < 1000 * options.open_timeout_s
 
 
 def test_a_robots_settings_are_valid_and_name_its_place_and_its_router(

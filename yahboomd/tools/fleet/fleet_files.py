@@ -39,6 +39,12 @@ DRIVING = {"driver": 60, "operator": 70, "maintainer": 80}
 
 _HEADER = "// Made by `yahboomd fleet`. It has a private key in it: nobody else may read it.\n"
 _CONFIG = "/etc/yahboomd/zenoh.json5"
+_PATIENT = {
+    # TLS and Zenoh need five round trips, and a way with 200 ms each way 2 s for them.
+    "timeout_ms": 4000,
+    "retry": {"period_init_ms": 250, "period_max_ms": 500, "period_increase_factor": 2.0},
+}
+"""How a person's programs connect: a router that is away is tried often, a slow one waited for."""
 
 
 Inventory: TypeAlias = dict[str, Any]
@@ -214,6 +220,7 @@ class FleetFolder:
         kind, _, which = name.partition(".")
         if kind == "person":
             content["metadata"] = {FLEET: msgspec.to_builtins(self._list(which, gone))}
+            content["connect"] = _PATIENT
         elif kind == "robot":
             content["access_control"] = robot_rules(plan, which, gone)
         else:
