@@ -92,7 +92,18 @@ def joined(folder: str, namespace: str) -> zenoh.Session:
     endpoint = json.loads(Path(folder, "ports.json").read_text())[site]
     file = Path(folder, "fleet", "robots", f"{name}.json5")
     options = BusOptions(connect=(f"tls/127.0.0.1:{endpoint}",), config_file=file)
-    return zenoh.open(zenoh_config(options, uplink=True))
+    return opened(zenoh_config(options, uplink=True))
+
+
+def opened(config: zenoh.Config) -> zenoh.Session:
+    """Open a session; one try may be too short on a busy machine, or over a long way."""
+
+    def once() -> zenoh.Session | None:
+        with contextlib.suppress(zenoh.ZError):
+            return zenoh.open(config)
+        return None
+
+    return wait_for(once, "a connection")
 
 
 def ignore(_: object) -> None:
@@ -188,14 +199,7 @@ def person(papers: str) -> tuple[zenoh.Session, list[str]]:
         config_file=Path(papers),
         enforces=False,
     )
-    config = zenoh_config(options)
-
-    def opened() -> zenoh.Session | None:
-        with contextlib.suppress(zenoh.ZError):
-            return zenoh.open(config)
-        return None
-
-    return wait_for(opened, "a connection"), fleet.robots
+    return opened(zenoh_config(options)), fleet.robots
 
 
 def tokens_s(papers: str) -> float:

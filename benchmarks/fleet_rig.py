@@ -21,7 +21,7 @@ import zenoh
 
 from benchmarks import rig
 from benchmarks.fleet_parts import SEEN, person
-from benchmarks.wire import FAR
+from benchmarks.long_way import FAR
 from yahboomd.cli.main import main as yahboomd
 from yahboomd.core.bus import keys
 from yahboomd.tools.fleet.fleet_list import ZenohFile, read_zenoh
@@ -155,7 +155,9 @@ class Fleet:
     def start_routers(self) -> dict[str, float]:
         """Start the ways and the routers; returns the seconds until each listens."""
         if len(self.sites) > 1 and self._loss is not None:
-            wire = rig.Process("-m", "benchmarks.wire", str(self._delay_s * 1e3), str(self._loss))
+            wire = rig.Process(
+                "-m", "benchmarks.long_way", str(self._delay_s * 1e3), str(self._loss)
+            )
             self._keep("wire", wire).says("ready")
         took = {"top": self.router("top")} if len(self.sites) > 1 else {}
         if len(self.sites) > 1 and self._loss is None:

@@ -1,6 +1,6 @@
 """A long way between two ends on this machine, on which packets are late or lost.
 
-    python -m benchmarks.wire DELAY_MS LOSS
+    python -m benchmarks.long_way DELAY_MS LOSS
 
 An interface sends whatever is addressed to FAR back to this machine, as if it came from there: each
 packet a time later, some never. So the kernel's own TCP waits, sends again and slows down as it
