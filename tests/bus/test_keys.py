@@ -15,6 +15,10 @@ def test_a_key_with_a_leading_slash_is_outside_the_namespace():
     assert keys.full_key("bot1", "/0/odom/x") == "0/odom/x"
 
 
+def test_a_persons_key_of_a_service_has_the_name_in_it():
+    assert keys.own_key(keys.ESTOP_RESET, "anna") == "yahboomd/estop/reset/by/anna"
+
+
 def test_every_key_is_a_name():
     named = [value for name, value in vars(keys).items() if name.isupper() and name[0] != "_"]
     names = [value for value in named if isinstance(value, str)]

@@ -20,6 +20,7 @@ def parse(tmp_path):
     shared_options.add_config_options(parser)
     shared_options.add_port_option(parser)
     shared_options.add_bus_options(parser)
+    shared_options.add_source_option(parser, "cmd_vel/teleop")
 
     def parsed(*arguments: str) -> argparse.Namespace:
         return parser.parse_args(["--config", str(empty), *arguments])
@@ -110,3 +111,19 @@ def test_negative_numbers_are_values_however_they_are_written(text: str) -> None
     parser.add_argument("--place", nargs=2, type=float)
     shared_options.take_negative_numbers(parser)
     assert parser.parse_args(["--place", text, "1"]).place == [float(text), 1.0]
+
+
+def test_the_source_is_the_one_that_was_named_or_the_persons_own_or_the_default(parse, tmp_path):
+    papers = tmp_path / "anna.json5"
+    papers.write_text('{"metadata": {"yahboomd_fleet": {"person": "anna"}}}')
+    own = f"zenoh.config={papers}"
+    for arguments, source in (
+        ([], "cmd_vel/teleop"),
+        (["--set", own], "cmd_vel/anna"),
+        (["--set", own, "--source", "cmd_vel/joy"], "cmd_vel/joy"),
+    ):
+        args = parse(*arguments)
+        config = shared_options.read_config(args, {}).config
+        assert shared_options.source_of(args, config, "cmd_vel/teleop") == source
+    with pytest.raises(ConfigError, match="--source"):
+        shared_options.source_of(parse("--source", "cmd_vel/**"), config, "cmd_vel")

@@ -7,6 +7,7 @@ import math
 import os
 import signal
 import sys
+from pathlib import Path
 from typing import Any
 from unittest.mock import ANY
 
@@ -226,6 +227,44 @@ async def test_services_are_called_and_a_refusal_is_raised_in_the_daemons_words(
         daemon.releases = True
         assert await robot.release() == "Released."
     assert daemon.asked == [keys.ESTOP, keys.ESTOP_RESET, keys.ESTOP_RESET]
+
+
+@pytest.fixture
+def papers(tmp_path: Path) -> Path:
+    """As a person's file of a fleet, with nothing but the name."""
+    path = tmp_path / "anna.json5"
+    path.write_text('{"metadata": {"yahboomd_fleet": {"person": "anna"}}}')
+    return path
+
+
+async def test_with_a_persons_file_services_and_commands_go_by_the_keys_of_that_name(
+    fake_daemon: Any, papers: Path
+) -> None:
+    daemon = await fake_daemon()
+    daemon.know("anna")
+    async with connect(daemon.endpoint, zenoh_file=papers) as robot:
+        daemon.releases = False
+        with pytest.raises(Refused, match="cmd_vel commands motion"):
+            await robot.release()
+        daemon.releases = True
+        assert await robot.release() == "Released."
+        robot.drive(0.1, for_s=math.inf)
+        await eventually(lambda: (0.1, 0.0) in daemon.velocities)
+    assert daemon.asked == [keys.own_key(keys.ESTOP_RESET, "anna")] * 2
+
+
+async def test_a_service_without_a_key_of_that_name_is_asked_without_it_and_the_answer_tells(
+    fake_daemon: Any, papers: Path
+) -> None:
+    daemon = await fake_daemon()
+    async with connect(daemon.endpoint, zenoh_file=papers, source=keys.CMD_VEL) as robot:
+        words = await robot.release()
+        robot.drive(0.1, for_s=math.inf)
+        await eventually(lambda: (0.1, 0.0) in daemon.velocities)
+    assert daemon.asked == [keys.ESTOP_RESET]
+    assert words == (
+        "Released. Asked without a proven name: nothing answers on yahboomd/estop/reset/by/anna."
+    )
 
 
 async def test_entering_without_a_daemon_ends_in_an_error_with_a_remedy() -> None:

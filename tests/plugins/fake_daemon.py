@@ -77,6 +77,12 @@ class FakeDaemon:
         self._task = asyncio.create_task(self._publish(self._bus))
         return self
 
+    def know(self, person: str) -> None:
+        """Have a person's own keys, as a robot of a fleet does."""
+        assert self._bus is not None
+        self._bus.subscribe(f"{keys.CMD_VEL}/{person}", self._take)
+        self._bus.serve(keys.own_key(keys.ESTOP_RESET, person), self._reset, fallback=_refuse)
+
     async def stop(self) -> None:
         """End as a daemon that is stopped; nothing to do when it has."""
         if self._task is not None and self._bus is not None:

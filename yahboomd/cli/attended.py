@@ -48,7 +48,7 @@ def attend(
     args: argparse.Namespace,
     work: Callable[[AsyncRobot], Awaitable[int]],
     *,
-    source: str = "",
+    source: str | None = None,
     signals: Iterable[int] = (),
     quiet: bool = True,
 ) -> int:
@@ -56,7 +56,7 @@ def attend(
 
     Args:
         args: Parsed by a parser with :func:`add_robot_options`.
-        source: The key to command on, if it is not the default.
+        source: The key to command on; None for the default, which may be the person's own.
         signals: Signals that end it too, besides SIGINT, SIGTERM and SIGHUP.
 
     Returns:
@@ -67,12 +67,11 @@ def attend(
     """
     config = read_config(args).config
     from yahboomd.client import AsyncRobot
-    from yahboomd.core.bus.keys import CMD_VEL
 
     endpoints = daemon_endpoints(args, config)
     robot = AsyncRobot(
         client_options(endpoints, config),
-        source=source or CMD_VEL,
+        source=source,
         label=f"yahboomd {args.command}",
         wait_s=args.timeout,
     )

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from yahboomd.cli.shared_options import add_source_option, check_source, number
+from yahboomd.cli.shared_options import add_source_option, number, source_of
 from yahboomd.core.bus.keys import CMD_VEL
 from yahboomd.core.errors import ConfigError, YahboomdError
 from yahboomd.tools.calibrate.choices import CALIBRATIONS, fields_of
@@ -196,11 +196,9 @@ def _with_person(args: argparse.Namespace, loaded: Loaded) -> int:
     fields = zip(kind.__struct_fields__, kind.__struct_encode_fields__, strict=True)
     choices = kind(**{field: getattr(args, name.replace("-", "_")) for field, name in fields})
     drives = args.verb != "imu"
-    if drives:
-        check_source(args)
-        if args.held and not args.dialogue:
-            raise ConfigError("--held needs --dialogue json: the button is that of a program.")
-    source = args.source if drives else CMD_VEL
+    if drives and args.held and not args.dialogue:
+        raise ConfigError("--held needs --dialogue json: the button is that of a program.")
+    source = source_of(args, loaded.config, CMD_VEL) if drives else CMD_VEL
 
     async def work(robot: AsyncRobot) -> int:
         try:

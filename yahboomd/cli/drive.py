@@ -12,10 +12,10 @@ from yahboomd.cli.shared_options import (
     add_bus_options,
     add_config_options,
     add_source_option,
-    check_source,
     daemon_endpoints,
     number,
     read_config,
+    source_of,
 )
 from yahboomd.core.model import FASTEST_M_S, FASTEST_RAD_S
 from yahboomd.tools.robot.daemon_address import client_options
@@ -113,10 +113,10 @@ def run(args: argparse.Namespace) -> int:
     config = read_config(args).config
     from yahboomd.tools.screens.teleop import Teleop
 
-    check_source(args)
+    source = source_of(args, config, "cmd_vel/teleop")
     options = client_options(daemon_endpoints(args, config), config)
     teleop = Teleop(linear_m_s=args.linear, angular_rad_s=args.angular)
-    asyncio.run(_run(options, teleop, args.source, args.gamepad))
+    asyncio.run(_run(options, teleop, source, args.gamepad))
     return os.EX_OK
 
 

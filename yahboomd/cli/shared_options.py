@@ -72,9 +72,8 @@ def add_source_option(parser: argparse.ArgumentParser, default: str) -> None:
     parser.add_argument(
         "--source",
         metavar="KEY",
-        default=default,
         help="the key to command on; the daemon's [command.sources] gives it its priority "
-        "(default: %(default)s)",
+        f"(default: {default}; with your file of `yahboomd fleet`: cmd_vel/NAME)",
     )
 
 
@@ -82,8 +81,23 @@ def check_source(args: argparse.Namespace) -> None:
     """Raise if the key of ``--source`` cannot be one."""
     from yahboomd.core.names import name_problem
 
-    if problem := name_problem(args.source):
+    if args.source and (problem := name_problem(args.source)):
         raise ConfigError(f"--source {args.source}: {problem}.")
+
+
+def source_of(args: argparse.Namespace, config: Config, default: str) -> str:
+    """The key of ``--source``; or else the person's own by the fleet's file; or else the default.
+
+    Raises:
+        ConfigError: The key cannot be one.
+    """
+    from yahboomd.client.person import own_source, person_in
+
+    check_source(args)
+    if args.source:
+        return str(args.source)
+    person = person_in(config.zenoh.config)
+    return own_source(person) if person else default
 
 
 def check_picture(path: Path) -> None:

@@ -18,10 +18,10 @@ from yahboomd.cli.shared_options import (
     add_bus_options,
     add_config_options,
     add_source_option,
-    check_source,
     daemon_endpoints,
     read_config,
     robot_arguments,
+    source_of,
 )
 from yahboomd.core.errors import ConfigError
 from yahboomd.core.names import PAGE_SOURCE
@@ -159,8 +159,8 @@ def run(args: argparse.Namespace) -> int:
     from yahboomd.web.page_tools import ToolSettings
 
     place = _place(args.listen or DEFAULT_PLACE)
-    check_source(args)
     loaded = read_config_apart(args)
+    source = source_of(args, loaded.config, PAGE_SOURCE)
     if loaded.path is not None and loaded.path.parent == SERVICES:
         # Tools that pages use work in the directory of the robot's service, not of the page's.
         os.environ.pop("STATE_DIRECTORY", None)
@@ -170,7 +170,7 @@ def run(args: argparse.Namespace) -> int:
         context=_context(args, place, folder),
         folder=folder,
         options=client_options(daemon_endpoints(args, loaded.config), loaded.config),
-        source=args.source,
+        source=source,
         tools=ToolSettings(
             robot=robot_arguments(args),
             recordings=folder / "recordings",

@@ -18,6 +18,7 @@ from yahboomd.client.connection import MAX_BYTES, Connection
 from yahboomd.client.endings import Endings
 from yahboomd.client.move_messages import Move
 from yahboomd.client.move_run import MoveRun
+from yahboomd.client.person import own_source, person_in
 from yahboomd.client.questions import Answer, ask, read_answers, silence_of
 from yahboomd.client.robot_moves import RobotMoves
 from yahboomd.client.streams import (
@@ -76,13 +77,16 @@ class AsyncRobot(NewestSamples, RobotMoves):
         self,
         options: BusOptions,
         *,
-        source: str = keys.CMD_VEL,
+        source: str | None = None,
         label: str = "",
         deadman_s: float = DEADMAN_S,
         rate_hz: float = RATE_HZ,
         wait_s: float = WAIT_S,
         clock: Clock | None = None,
     ) -> None:
+        self._person = person_in(options.config_file)
+        if source is None:
+            source = own_source(self._person) if self._person else keys.CMD_VEL
         if problem := name_problem(source):
             raise ValueError(f"The source {source!r} cannot be used: {problem}.")
         if not (deadman_s > 0.0 and 5.0 <= rate_hz <= 1000.0 and wait_s >= 0.0):
@@ -466,7 +470,26 @@ class AsyncRobot(NewestSamples, RobotMoves):
             NoDaemon: No daemon answers within ``timeout_s`` seconds.
             Refused: A daemon refused; the message has the reason.
         """
-        answer = await self.request(key, payload, timeout_s=timeout_s, urgent=urgent)
+        return self._done(await self.request(key, payload, timeout_s=timeout_s, urgent=urgent))
+
+    async def request_by_name(self, key: str, payload: bytes = b"{}") -> Answer:
+        """Ask a service that changes something; in a fleet by the key that proves who asks.
+
+        The name is that of the person's file (``zenoh_file``). If no daemon answers on this key,
+        the common one is asked, and the message tells that no name is proven.
+        """
+        if not self._person:
+            return await self.request(key, payload)
+        answer = await self.request(own := keys.own_key(key, self._person), payload)
+        if answer.answered:
+            return answer
+        answer = await self.request(key, payload)
+        if not answer.answered:
+            return answer
+        words = f"{answer.message} Asked without a proven name: nothing answers on {own}."
+        return msgspec.structs.replace(answer, message=words)
+
+    def _done(self, answer: Answer) -> Answer:
         if not answer.answered:
             raise self._connection.no_daemon()
         if not answer.success:
@@ -499,11 +522,11 @@ class AsyncRobot(NewestSamples, RobotMoves):
             NoDaemon: No daemon answers.
             Refused: A source commanded motion within the last second.
         """
-        return (await self.call(keys.ESTOP_RESET)).message
+        return self._done(await self.request_by_name(keys.ESTOP_RESET)).message
 
     async def reset_odometry(self) -> str:
         """Make the pose zero; returns the daemon's words."""
-        return (await self.call(keys.ODOMETRY_RESET)).message
+        return self._done(await self.request_by_name(keys.ODOMETRY_RESET)).message
 
     async def set_pose(
         self, x: float, y: float, theta: float, *, covariance: Sequence[float] | None = None
@@ -521,7 +544,8 @@ class AsyncRobot(NewestSamples, RobotMoves):
         """
         given = None if covariance is None else tuple(float(each) for each in covariance)
         wanted = SetPoseRequest(x=x, y=y, theta=theta, covariance=given)  # type: ignore[arg-type]
-        return (await self.call(keys.ODOMETRY_SET_POSE, encode(wanted, "json"))).message
+        payload = encode(wanted, "json")
+        return self._done(await self.request_by_name(keys.ODOMETRY_SET_POSE, payload)).message
 
     async def config(self) -> dict[str, Any]:
         """The daemon's configuration in effect, by section and key."""

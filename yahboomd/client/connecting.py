@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from yahboomd.client.async_robot import DEADMAN_S, ENDPOINT, RATE_HZ, WAIT_S, AsyncRobot
-from yahboomd.core.bus import keys
 from yahboomd.core.bus.options import BusOptions
 
 
@@ -35,7 +34,7 @@ def connect(
     endpoint: str | Sequence[str] = ENDPOINT,
     *,
     namespace: str = "",
-    source: str = keys.CMD_VEL,
+    source: str | None = None,
     label: str = "",
     deadman_s: float = DEADMAN_S,
     rate_hz: float = RATE_HZ,
@@ -51,6 +50,7 @@ def connect(
         endpoint: The address of the daemon or its router, or several of them.
         namespace: The robot's, as in the section ``[zenoh]`` of its configuration.
         source: The key to command on; the daemon's ``[command.sources]`` gives it its priority.
+            Default: ``cmd_vel``; with a person's file of a fleet, ``cmd_vel/NAME``.
         label: Who commands, for people who read the daemon's status.
         deadman_s: How long a command without ``for_s`` lasts, in seconds.
         rate_hz: How often a command is repeated. The daemon stops the robot after 0.5 s of silence.

@@ -24,7 +24,6 @@ from yahboomd.client.endings import Endings, shorten
 from yahboomd.client.move_messages import Move
 from yahboomd.client.plain_move_run import PlainMoveRun
 from yahboomd.client.streams import NewestSamples, Samples
-from yahboomd.core.bus import keys
 from yahboomd.core.clock import timeout
 from yahboomd.core.errors import BusError, NoDaemon
 from yahboomd.core.model import Twist2d
@@ -74,6 +73,7 @@ class Robot(NewestSamples):
         endpoint: The address of the daemon or its router, or several of them.
         namespace: The robot's, as in the section ``[zenoh]`` of its configuration.
         source: The key to command on; the daemon's ``[command.sources]`` gives it its priority.
+            Default: ``cmd_vel``; with a person's file of a fleet, ``cmd_vel/NAME``.
         label: Who commands, for people who read the daemon's status.
         deadman_s: How long a command without ``for_s`` lasts, in seconds.
         rate_hz: How often a command is repeated. The daemon stops the robot after 0.5 s of silence.
@@ -89,7 +89,7 @@ class Robot(NewestSamples):
         endpoint: str | Sequence[str] = ENDPOINT,
         *,
         namespace: str = "",
-        source: str = keys.CMD_VEL,
+        source: str | None = None,
         label: str = "",
         deadman_s: float = DEADMAN_S,
         rate_hz: float = RATE_HZ,

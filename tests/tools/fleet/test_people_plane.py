@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 from collections.abc import Awaitable, Callable
 from pathlib import Path
@@ -11,15 +12,16 @@ from daemon_samples import status
 from robot_bench import RobotBench
 
 from yahboomd.core.bus import keys
+from yahboomd.core.bus.keys import own_key
 from yahboomd.core.bus.services import BusQuery, Response
-from yahboomd.core.clock import SystemClock
 from yahboomd.core.config import Config, read
 from yahboomd.core.daemon.planes import PlaneRequests
 from yahboomd.core.daemon.requests import Services
 from yahboomd.core.messages.native import ServiceReply
-from yahboomd.simulation.virtual_time import on_virtual_time
-from yahboomd.tools.fleet.people_keys import NAMED, claims_a_name, own_key, own_stop
-from yahboomd.tools.fleet.people_plane import DriverWatch, PeoplePlane, people_of
+from yahboomd.core.model import Event
+from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
+from yahboomd.tools.fleet.people_keys import NAMED, claims_a_name, own_stop
+from yahboomd.tools.fleet.people_plane import DriverWatch, PeoplePlane, RequestsByName, people_of
 
 
 class Offers:
@@ -64,7 +66,7 @@ def requests(bench: RobotBench) -> PlaneRequests:
 
 def started(bench: RobotBench, *people: str) -> tuple[Offers, DriverWatch]:
     bus, plane = Offers(), PeoplePlane(people)
-    arguments: Any = (bus, Config(), SystemClock(), requests(bench), lambda _, call: call)
+    arguments: Any = (bus, Config(), bench.clock, requests(bench), lambda _, call: call)
     return bus, plane.start(*arguments)
 
 
@@ -99,9 +101,9 @@ async def test_a_stop_and_its_release_by_a_persons_key_record_the_name(tmp_path:
             False
         )
         assert asked(bench) == [
-            {"name": "anna", "key": keys.ESTOP, "done": True},
-            {"name": "ben", "key": keys.ESTOP_RESET, "done": True},
-            {"name": "ben", "key": keys.ODOMETRY_SET_POSE, "done": False},
+            {"name": "anna", "key": keys.ESTOP, "done": True, "times": 1},
+            {"name": "ben", "key": keys.ESTOP_RESET, "done": True, "times": 1},
+            {"name": "ben", "key": keys.ODOMETRY_SET_POSE, "done": False, "times": 1},
         ]
 
 
@@ -128,11 +130,62 @@ async def test_each_change_of_the_driver_is_an_event_and_each_command_is_none(
             watch.status(status(driver=driver))
         found = [event for event in bench.heard.events if event.kind == "driver_changed"]
         assert [event.data for event in found] == [
-            {"name": "anna", "key": "cmd_vel/anna", "done": None},
-            {"name": "", "key": "cmd_vel/teleop", "done": None},
-            {"name": "", "key": None, "done": None},
+            {"name": "anna", "key": "cmd_vel/anna", "done": None, "times": None},
+            {"name": "", "key": "cmd_vel/teleop", "done": None, "times": None},
+            {"name": "", "key": None, "done": None, "times": None},
         ]
         assert found[0].message == "anna has control, by a key of that person's own."
+
+
+@on_virtual_time
+async def test_a_flood_of_requests_becomes_an_event_in_ten_seconds_and_each_is_counted() -> None:
+    events: list[Event] = []
+    record = RequestsByName(events.append, LoopClock())
+    nothing: Any = None
+    watch = DriverWatch(PlaneRequests(nothing, nothing, nothing, events.append), record)
+    refusal = ServiceReply(success=False, message="No.")
+    for second in range(20):
+        for _ in range(40):
+            record.note("anna", keys.ODOMETRY_SET_POSE, refusal)
+        if second == 5:
+            record.note("ben", keys.ODOMETRY_SET_POSE, refusal)
+        await asyncio.sleep(1.0)
+    # Nobody else's request waits for hers.
+    data: list[Any] = [event.data for event in events]
+    found = [(each["name"], each["times"]) for each in data]
+    assert found == [("anna", 1), ("ben", 1), ("anna", 399)]
+    asked_often = f"anna asked for {keys.ODOMETRY_SET_POSE} 399 times, the last answer: No."
+    assert events[2].message == asked_often
+    # The rest comes with the status, although nobody asks any more.
+    watch.status(status(driver=None))
+    assert events[3].data == {
+        "name": "anna",
+        "key": keys.ODOMETRY_SET_POSE,
+        "done": False,
+        "times": 400,
+    }
+    await asyncio.sleep(10.0)
+    watch.status(status(driver=None))
+    assert len(events) == 4
+    record.note("anna", keys.ODOMETRY_SET_POSE, refusal)
+    assert events[4].data == {**data[0], "times": 1}
+
+
+@on_virtual_time
+async def test_another_outcome_is_an_event_of_its_own(tmp_path: Path) -> None:
+    async with RobotBench(tmp_path) as bench:
+        await bench.ready()
+        bus, _ = started(bench, "anna")
+        reset = own_key(keys.ODOMETRY_RESET, "anna")
+        assert (await bus.ask(reset))["success"]
+        for payload in (b'{"x": 1}', b'{"x": 1, "y": 2, "theta": 0}', b'{"x": 3}'):
+            await bus.ask(own_key(keys.ODOMETRY_SET_POSE, "anna"), payload)
+        found = [(each["key"], each["done"]) for each in asked(bench)]
+        assert found == [
+            (keys.ODOMETRY_RESET, True),
+            (keys.ODOMETRY_SET_POSE, False),
+            (keys.ODOMETRY_SET_POSE, True),
+        ]
 
 
 def test_people_are_those_with_a_source_at_a_robot_of_a_fleet() -> None:

@@ -136,6 +136,20 @@ async def test_a_release_is_passed_on_and_so_is_its_refusal(robot) -> None:
     assert refused.value.exit_code == 1
 
 
+async def test_a_release_with_a_persons_file_is_by_the_key_of_that_name(robot, tmp_path) -> None:
+    papers = tmp_path / "anna.json5"
+    papers.write_text('{"metadata": {"yahboomd_fleet": {"person": "anna"}}}')
+    config = Config.of({"zenoh": {"config": str(papers)}})
+    own = keys.own_key(keys.ESTOP_RESET, "anna")
+    daemon = robot([])
+    words = await asyncio.to_thread(release, (robot.endpoint,), config)
+    assert words == f"Released. Asked without a proven name: nothing answers on {own}."
+    by_name = answer(True, "Released by name.")
+    daemon._bus.serve(own, lambda _request: by_name, fallback=lambda _: answer(False))
+    words = await asyncio.to_thread(release, (robot.endpoint,), config)
+    assert words == "Released by name."
+
+
 async def test_another_robots_daemon_is_left_alone(robot) -> None:
     daemon = robot([0.0])
     other = Config.of({"zenoh": {"namespace": "bot2"}})

@@ -40,6 +40,11 @@ READ_ONLY = (CONFIG, BOARD)
 ALIVE = "yahboomd/alive"
 
 
+def own_key(key: str, person: str) -> str:
+    """A service's key that is one person's alone, in a fleet."""
+    return f"{key}/by/{person}"
+
+
 def full_key(namespace: str, key: str) -> str:
     """The key as it goes over the bus: below ``namespace``, unless it begins with ``/``."""
     if key.startswith("/"):

@@ -141,7 +141,6 @@ class Neighbours:
         self._stampers = frozenset[int]()
 
     def begin(self, inbox: Inbox) -> None:
-        """Have ``inbox`` bring the events to the loop."""
         self._lane = inbox.lane(self._changed, depth=1024)
 
     def attach(self, session: zenoh.Session) -> None:

@@ -391,5 +391,4 @@ RULES: tuple[Rule, ...] = (
 
 
 def findings(config: Config) -> list[Finding]:
-    """All that the rules find in a configuration."""
     return [finding for rule in RULES for finding in rule(config)]

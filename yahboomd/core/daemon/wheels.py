@@ -237,7 +237,6 @@ class Wheels:
             self._board.release()
 
     def cut(self, now_ns: int) -> None:
-        """Release the motors before everything else."""
         if self._board is not None:
             self._board.cut()
         self._counters["cuts"] += 1

@@ -88,7 +88,6 @@ class ConnectedBoard:
         self._line.writer.velocity(self._dialect.speeds(units))
 
     def brake(self) -> None:
-        """Command zero, before anything else that waits."""
         self._line.let_go = False
         self._stop_units = STILL
         self._line.writer.stop((self._dialect.brake,))

@@ -106,7 +106,6 @@ class Writer:
         return {**self.counters, "velocities_replaced": self._outbox.replaced}
 
     def set_resend(self, resend_ns: int) -> None:
-        """Send the current velocity more or less often."""
         self._outbox.resend_ns = resend_ns
 
     # Requests of others; each is written at once if the line is free.

@@ -16,10 +16,11 @@ from typing import Any, TypeAlias
 
 import msgspec
 
+from yahboomd.client.person import FLEET, own_source
 from yahboomd.core.config import Config
 from yahboomd.core.errors import ConfigError
 from yahboomd.tools.fleet.authority import Authority, Issued, end_of, make_authority
-from yahboomd.tools.fleet.fleet_list import FLEET, FleetList, ZenohFile, read_zenoh
+from yahboomd.tools.fleet.fleet_list import FleetList, ZenohFile, read_zenoh
 from yahboomd.tools.fleet.fleet_plan import (
     LOCAL_PORT,
     TOP,
@@ -29,7 +30,6 @@ from yahboomd.tools.fleet.fleet_plan import (
     router_id,
 )
 from yahboomd.tools.fleet.fleet_rules import AccessControl, robot_rules, router_rules
-from yahboomd.tools.fleet.people_keys import own_source
 
 ROUTERS, ROBOTS, PEOPLE = "routers", "robots", "people"
 KEY, CERTIFICATE, REVOKED = "authority.key", "authority.pem", "revoked.json"

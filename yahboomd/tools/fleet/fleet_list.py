@@ -9,11 +9,9 @@ from typing import Any, TypeAlias
 
 import msgspec
 
+from yahboomd.client.person import FLEET
 from yahboomd.core.errors import ConfigError
 from yahboomd.tools.fleet.fleet_plan import Role
-
-FLEET = "yahboomd_fleet"
-"""The name of the list in ``metadata`` of the file, which Zenoh ignores."""
 
 ZenohFile: TypeAlias = dict[str, Any]
 

@@ -12,7 +12,9 @@ from typing import Any, TypeAlias
 import msgspec
 import zenoh
 
+from yahboomd.client.person import own_source
 from yahboomd.core.bus import keys
+from yahboomd.core.bus.keys import own_key
 from yahboomd.tools.fleet.fleet_plan import (
     TOP,
     FleetPlan,
@@ -22,7 +24,6 @@ from yahboomd.tools.fleet.fleet_plan import (
     router_id,
     stop_key,
 )
-from yahboomd.tools.fleet.people_keys import own_key, own_source
 
 READING = ("declare_subscriber", "liveliness_query", "declare_liveliness_subscriber")
 EVERYTHING = (

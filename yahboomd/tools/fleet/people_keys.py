@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 
 from yahboomd.core.bus import keys
+from yahboomd.core.bus.keys import own_key
 
 NAMED = (keys.ESTOP, keys.ESTOP_RESET, keys.ODOMETRY_RESET, keys.ODOMETRY_SET_POSE)
 """The services that each person has a key of."""
@@ -16,16 +17,6 @@ PLACES = frozenset({"teleop", "web", "moves"})
 """Names of sources that are no person's: the robot's own joystick, its page, its moves."""
 
 _SOURCE = re.compile(r"cmd_vel/([a-z0-9][a-z0-9_-]*)")
-
-
-def own_source(person: str) -> str:
-    """The key on which a person commands velocities."""
-    return f"{keys.CMD_VEL}/{person}"
-
-
-def own_key(key: str, person: str) -> str:
-    """A service's key of a person."""
-    return f"{key}/by/{person}"
 
 
 def person_of(source: str) -> str:

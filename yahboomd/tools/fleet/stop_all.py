@@ -23,7 +23,7 @@ from yahboomd.client.streams import read_sample
 from yahboomd.core.bus import keys
 from yahboomd.core.bus.blocking import bounded
 from yahboomd.core.bus.bus import Bus
-from yahboomd.core.bus.keys import full_key, holder_key
+from yahboomd.core.bus.keys import full_key, holder_key, own_key
 from yahboomd.core.bus.presence import TokenChange
 from yahboomd.core.clock import Clock, seconds, timeout
 from yahboomd.core.messages.native import ServiceReply, WheelsSample
@@ -31,7 +31,6 @@ from yahboomd.tools.fleet.fleet_list import FleetList
 from yahboomd.tools.fleet.fleet_plan import stop_key
 from yahboomd.tools.fleet.fleet_stop import FleetStop
 from yahboomd.tools.fleet.fleet_way import FleetWay
-from yahboomd.tools.fleet.people_keys import own_key
 
 AGAIN_S = 0.5
 """Missing robots are asked again this often."""

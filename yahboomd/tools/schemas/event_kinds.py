@@ -101,6 +101,13 @@ class PersonData(msgspec.Struct, frozen=True, kw_only=True):
         str | None, Meta(description="The service's key, or the source; null: no source drives.")
     ]
     done: Annotated[bool | None, Meta(description="Whether the service did it; null: no service.")]
+    times: Annotated[
+        int | None,
+        Meta(
+            description="How many requests this event stands for: those that repeat one within "
+            "10 s, with the same outcome, are in one event; null: no service."
+        ),
+    ] = None
 
 
 class PersonEvent(_EventOfKind, frozen=True, kw_only=True):

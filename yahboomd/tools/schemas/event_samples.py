@@ -37,7 +37,7 @@ _EXAMPLES: dict[EventKind, tuple[str, dict[str, Any]]] = {
     ),
     "asked_by_name": (
         "anna asked for yahboomd/estop/reset: Released.",
-        {"name": "anna", "key": "yahboomd/estop/reset", "done": True},
+        {"name": "anna", "key": "yahboomd/estop/reset", "done": True, "times": 1},
     ),
     "paused": ("yahboomd did not run for 1.5 s.", {"duration_s": 1.5}),
     "gyro_unfit": ("The board sends no samples of its inertial sensor.", {"problem": "silent"}),

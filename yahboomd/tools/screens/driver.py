@@ -204,7 +204,7 @@ class Driver:
         if not client.is_open:
             self._answer = ("There is no daemon to ask.", "yellow")
             return
-        answer = await client.request(keys.ESTOP_RESET)
+        answer = await client.request_by_name(keys.ESTOP_RESET)
         self._answer = (answer.message, "green" if answer.success else "yellow")
 
     def _drawn(self) -> tuple[RenderableType, RenderableType]:

@@ -115,7 +115,7 @@ async def _release(endpoints: tuple[str, ...], config: Config, port: str) -> str
                 f"The daemon at {listed(endpoints)} is not on {port}: nothing was released.",
                 remedy="--connect or --namespace names the daemon on that port.",
             )
-        answer = await robot.request(keys.ESTOP_RESET)
+        answer = await robot.request_by_name(keys.ESTOP_RESET)
     finally:
         await robot.close()
     if not answer.answered:
