@@ -5,212 +5,34 @@
 
 from __future__ import annotations
 
-import json
-import os
-import re
 import shutil
-import subprocess
-import sys
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
 
 import pytest
 from nspawn_machine import Machine, wait_until
-from older_packages import repacked
-from service_bench import SERVICE, Bench, package_of_environment
+from rollout_bench import ANSIBLE, BROKEN, GOOD, NAMES, NEWER, Robots, Rollout
+from service_bench import Bench, package_of_environment
 
-ANSIBLE = os.environ.get("YAHBOOMD_ANSIBLE", "")
 pytestmark = [
     pytest.mark.realtime,
     pytest.mark.skipif(not ANSIBLE, reason="needs Ansible and a root with ssh: make fleet-rollout"),
-    pytest.mark.timeout(900),
+    pytest.mark.timeout(1800),
 ]
 
-ROOT = Path(__file__).resolve().parents[2]
-PLAYBOOK = ROOT / "packaging/ansible/rollout.yml"
-NAMES = ("bot1", "bot2", "bot3")
-ZENOH = "/etc/yahboomd/zenoh.json5"
-CONFIG = "/etc/yahboomd/config.toml"
-GOOD, BROKEN, NEWER = "0.2.0", "0.3.0", "0.4.0"
-FLEET = """\
-fleet = "farm"
-[sites.north]
-router = "north.example:7447"
-[robots]
-bot1.site = "north"
-bot2.site = "north"
-bot3.site = "north"
-[people.anna]
-role = "operator"
-"""
-ROUTER = """\
-import sys, time, zenoh
-session = zenoh.open(zenoh.Config.from_file(sys.argv[1]))
-time.sleep(1e9)
-"""
-"""A router of Zenoh's library in place of the program zenohd, with the same file."""
 
-ROUTER_UNIT = """\
-[Service]
-ExecStart=/opt/yahboomd/bin/python3 /root/router.py /etc/zenohd/zenohd.json5
-User=zenohd
-Restart=on-failure
-[Install]
-WantedBy=multi-user.target
-"""
+class First(NamedTuple):
+    """The first rollout, which every case begins behind."""
 
-
-class Robots:
-    """The robots, and the operator's machine beside them."""
-
-    def __init__(self, folder: Path, benches: dict[str, Bench]) -> None:
-        self.benches = benches
-        self.fleet = folder / "fleet"
-        self._file = folder / "fleet.toml"
-        self._keys = folder / "key"
-        self._home = folder / "a"
-
-    def prepare(self, package: Path) -> None:
-        """Make the fleet's files, the packages, and the way to each robot."""
-        self._file.write_text(FLEET)
-        self.command("init")
-        packages = self.fleet / "packages"
-        packages.mkdir()
-        _, before, end = package.name.split("_")
-        shutil.copy(package, packages)
-        system = before.rpartition("~")[2]
-        for version in (GOOD, BROKEN, NEWER):
-            work = self._file.with_name(version)
-            work.mkdir()
-            full = f"{version}-1~{system}"
-            made = repacked(package, work, version=full, breaks="run" if version == BROKEN else "")
-            made.rename(packages / f"yahboomd_{full}_{end}")
-            shutil.rmtree(work)
-        subprocess.run(
-            ["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(self._keys)], check=True
-        )
-        public = self._keys.with_suffix(".pub").read_text()
-        (self.fleet / "host_vars").mkdir()
-        for name, bench in self.benches.items():
-            machine = bench.machine
-            (machine.shared / "key").write_text(public)
-            machine.run("mkdir", "-p", "-m", "700", "/root/.ssh", "/run/sshd")
-            keys = "/root/.ssh/authorized_keys"
-            machine.run("install", "-m", "600", "/run/shared/key", keys)
-            self.reach(name, machine)
-        # The site's router is on the last one.
-        self.reach("router.north", machine)
-        machine.run("useradd", "-r", "-s", "/bin/false", "zenohd")
-        machine.run("mkdir", "-p", "/etc/zenohd")
-        (machine.shared / "router.py").write_text(ROUTER)
-        machine.run("cp", "/run/shared/router.py", "/root/")
-        machine.run("chmod", "755", "/root", "/root/router.py")
-        (machine.shared / "zenohd.service").write_text(ROUTER_UNIT)
-        machine.run("cp", "/run/shared/zenohd.service", "/etc/systemd/system/")
-        machine.run("systemctl", "daemon-reload")
-
-    def reach(self, host: str, machine: Machine) -> None:
-        """A real sshd for each connection, with no network between."""
-        way = " ".join(machine.inside()) + " /usr/sbin/sshd -i"
-        options = f"-o ProxyCommand='{way}' -i {self._keys} -o UserKnownHostsFile=/dev/null"
-        variables = {"ansible_user": "root", "ansible_ssh_common_args": options}
-        (self.fleet / f"host_vars/{host}.yml").write_text(json.dumps(variables))
-
-    def command(self, verb: str, *names: str) -> None:
-        """A command of `yahboomd fleet`."""
-        yahboomd = Path(sys.executable).with_name("yahboomd")
-        subprocess.run([yahboomd, "fleet", verb, self._file, *names], check=True)
-
-    def begin(self, version: str = "", **variables: object) -> subprocess.Popen[str]:
-        """Begin a rollout in waves of one and two."""
-        given = {
-            "yahboomd_version": version,
-            "yahboomd_waves": [1, 2],
-            "yahboomd_healthy_s": 20,
-            "yahboomd_settle_s": 5,
-            **variables,
-        }
-        return subprocess.Popen(
-            [
-                *(f"{ANSIBLE}/ansible-playbook", "-i", str(self.fleet / "inventory.yml")),
-                *(str(PLAYBOOK), "--diff", "-e", json.dumps(given)),
-            ],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            env={
-                **os.environ,
-                "ANSIBLE_HOME": str(self._home),
-                "ANSIBLE_LOG_PATH": str(self._file.with_name("rollouts.log")),
-                "ANSIBLE_SSH_CONTROL_PATH_DIR": str(self._home),
-                "ANSIBLE_HOST_KEY_CHECKING": "False",
-                "ANSIBLE_PIPELINING": "True",
-                "ANSIBLE_NOCOLOR": "1",
-                "ANSIBLE_SSH_ARGS": "-o ControlMaster=auto -o ControlPersist=20s",
-            },
-        )
-
-    def roll_out(self, version: str = "", **variables: object) -> Rollout:
-        """A whole rollout."""
-        process = self.begin(version, **variables)
-        output, _ = process.communicate()
-        return Rollout(output, process.returncode)
-
-    def files(self) -> dict[str, str]:
-        """What is laid down on each robot."""
-        return {
-            name: bench.machine.run(
-                *("sh", "-c", f"cat {ZENOH} {CONFIG}; stat -c '%U %G %a' {ZENOH}; ls /etc/yahboomd")
-            )
-            for name, bench in self.benches.items()
-        }
-
-    def versions(self) -> dict[str, str]:
-        """The installed versions, without the distribution."""
-        return {
-            name: bench.machine.run(
-                "dpkg-query", "--show", "--showformat=${Version}", "yahboomd"
-            ).partition("-1~")[0]
-            for name, bench in self.benches.items()
-        }
-
-    def pids(self) -> dict[str, str]:
-        """The daemon's process on each."""
-        return {name: bench.pid() for name, bench in self.benches.items()}
-
-    def states(self) -> dict[str, str]:
-        """The state of each, as the service reports it; empty for one that is down."""
-        return {
-            name: bench.status().partition(":")[0]
-            if bench.machine.show(SERVICE, "ActiveState") == "active"
-            else ""
-            for name, bench in self.benches.items()
-        }
-
-
-class Rollout:
-    """What a rollout printed, and how it ended."""
-
-    def __init__(self, output: str, status: int) -> None:
-        self.output = output
-        self.status = status
-        # Keys must not show, even with --diff.
-        assert "PRIVATE" not in output
-        assert "private_key" not in output
-
-    def changed(self) -> dict[str, int]:
-        """The changes on each machine, by the recap."""
-        found = re.findall(r"^(\S+)\s+: ok=\d+\s+changed=(\d+)", self.output, re.MULTILINE)
-        assert found, self.output
-        return {name: int(number) for name, number in found}
+    robots: Robots
+    before: dict[str, str]
+    done: Rollout
 
 
 @pytest.fixture(scope="module")
-def robots(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robots]:
+def first(tmp_path_factory: pytest.TempPathFactory) -> Iterator[First]:
     prepared = package_of_environment()
     assert prepared is not None
-    # A short path: ssh has its sockets below it.
     folder = tmp_path_factory.mktemp("f")
     machines: list[Machine] = []
     try:
@@ -225,26 +47,39 @@ def robots(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robots]:
             bench.begin()
         made = Robots(folder, benches)
         made.prepare(prepared[1])
-        yield made
+        before = made.pids()
+        yield First(made, before, made.roll_out(GOOD))
     finally:
         for machine in machines:
             machine.close()
 
 
+@pytest.fixture
+def robots(first: First) -> Iterator[Robots]:
+    """Robots that stand, with what the last case left."""
+    yield first.robots
+    for bench in first.robots.benches.values():
+        bench.stop_driving()
+        if bench.status().startswith("estopped"):
+            bench.machine.run("yahboomd", "stop", "--release")
+
+
 def test_a_new_version_and_new_files_reach_every_robot_and_a_second_run_changes_nothing(
-    robots: Robots,
+    robots: Robots, first: First
 ) -> None:
-    before = robots.pids()
-    done = robots.roll_out(GOOD)
-    assert done.status == 0, done.output
+    assert first.done.status == 0, first.done.output
     assert robots.versions() == dict.fromkeys(NAMES, GOOD)
     assert robots.states() == dict.fromkeys(NAMES, "standing")
     for name, text in robots.files().items():
         assert (robots.fleet / f"robots/{name}.json5").read_text() in text
         assert f'namespace = "farm/north/{name}"' in text
-        assert text.splitlines()[-3:] == ["root yahboomd 640", "config.toml", "zenoh.json5"]
+        # The owners, and nothing else left behind.
+        assert text.splitlines()[-5:] == [
+            *("root yahboomd 640", "root root 644"),
+            *("/etc/yahboomd", "/etc/yahboomd/config.toml", "/etc/yahboomd/zenoh.json5"),
+        ]
     pids = robots.pids()
-    assert not set(pids.values()) & set(before.values())
+    assert all(pids[name] != first.before[name] for name in NAMES)
     again = robots.roll_out(GOOD)
     assert again.status == 0, again.output
     assert again.changed() == dict.fromkeys((*NAMES, "router.north"), 0)
@@ -300,7 +135,7 @@ def a_port_that_is_not_there(robots: Robots) -> dict[str, object]:
 
 @pytest.mark.parametrize("mistake", [unusable_rules, an_unknown_key, a_port_that_is_not_there])
 def test_a_bad_configuration_ends_at_the_first_robot_which_gets_its_old_file_back(
-    robots: Robots, mistake
+    robots: Robots, mistake: Callable[[Robots], dict[str, object]]
 ) -> None:
     files, pids = robots.files(), robots.pids()
     kept = robots.fleet.with_name("kept")
@@ -404,6 +239,44 @@ def test_a_robot_that_drives_on_is_left_out_and_named_and_the_others_are_changed
     assert done.status == 0, done.output
     assert robots.states() == dict.fromkeys(NAMES, "standing")
     assert now["bot2"] != robots.files()["bot2"]
+
+
+def test_a_robot_lost_in_the_middle_keeps_its_old_files_and_the_next_rollout_finishes_it(
+    robots: Robots,
+) -> None:
+    robots.command("renew", *NAMES)
+    files = robots.files()
+    process = robots.begin(yahboomd_waves=[2, 1], yahboomd_settle_s=20)
+    assert process.stdout is not None
+    said = ""
+    for line in process.stdout:
+        said += line
+        if "TASK [yahboomd_robot : Restart]" in line:
+            break
+    robots.cut("bot2")
+    try:
+        said += process.stdout.read()
+        assert process.wait() != 0
+    finally:
+        robots.join("bot2")
+    assert "bot2: the connection was lost in the middle of its change." in said, said
+    now = robots.files()
+    assert (robots.fleet / "robots/bot1.json5").read_text() in now["bot1"]
+    assert now["bot3"] == files["bot3"]
+    kept = "/var/lib/yahboomd-rollout/zenoh.json5"
+    old = robots.benches["bot2"].machine.run("cat", kept)
+    assert old in files["bot2"]
+    assert old != (robots.fleet / "robots/bot2.json5").read_text()
+    pid = robots.pids()["bot2"]
+    done = robots.roll_out()
+    assert done.status == 0, done.output
+    # Its files were there already: what was missing is the restart.
+    assert robots.pids()["bot2"] != pid
+    assert robots.states() == dict.fromkeys(NAMES, "standing")
+    now = robots.files()
+    for name in NAMES:
+        assert (robots.fleet / f"robots/{name}.json5").read_text() in now[name]
+        assert kept not in now[name]
 
 
 def test_a_bad_file_of_a_router_is_put_back_and_no_robot_is_touched(robots: Robots) -> None:
