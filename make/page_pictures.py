@@ -305,7 +305,8 @@ def measuring(robots: Robots) -> State:
         page.click(".choice [type=submit]")
 
         def run() -> bool:
-            if not page.evaluate("Boolean(document.querySelector('.calibrate .hold.held'))"):
+            # Enter would answer the question.
+            if page.evaluate("document.querySelector('.calibrate .hold:not(.held)') !== null"):
                 page.evaluate("document.querySelector('.calibrate .hold')?.focus()")
                 page.key("Enter", down=False)
                 page.key("Enter", down=True)

@@ -402,7 +402,7 @@ def test_the_map_draws_the_path_that_was_driven_and_follows_the_robot(
     truth = bench.application.latest("pose")
     shown = page.text(".where").replace("\u2212", "-").split()
     assert float(shown[1]) == pytest.approx(truth["x"], abs=0.02)
-    assert float(shown[6]) == pytest.approx(truth["y"], abs=0.02)
+    assert float(shown[5]) == pytest.approx(truth["y"], abs=0.02)
     page.evaluate("window.isBefore = true")
     page.order("Page.reload")
     page.until("!window.isBefore && document.readyState === 'complete'")

@@ -110,6 +110,7 @@ export function create(app) {
     end.hidden = !mine();
     // Shown from the beginning, so that nothing shifts under the thumb.
     bar.hidden = now.question?.kind !== "hold";
+    words.hidden = bar.hidden && mine();
     bar.value = now.progress ? (now.progress.part - 1 + now.progress.done) / now.progress.parts : 0;
     write(words, running.hidden ? "" : status(now));
     outcome.hidden = runs || !(now.result || now.refused);

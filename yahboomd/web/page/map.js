@@ -294,5 +294,5 @@ function describe({ x, y, theta, covariance }, age) {
   const old = age > OLD_MS ? ` The pose is ${fixed(age / 1000, 0)} s old.` : "";
   const off = 2 * degrees(Math.sqrt(Math.max(0, covariance[8])));
   const heading = off < 180 ? `${fixed(around, 0)}° ± ${fixed(off, 0)}°` : "unknown";
-  return `x ${fixed(x, 2)} ± ${sure(covariance[0])} m, y ${fixed(y, 2)} ± ${sure(covariance[4])} m, heading ${heading}.${old}`;
+  return `x ${fixed(x, 2)} ± ${sure(covariance[0])}, y ${fixed(y, 2)} ± ${sure(covariance[4])} m, heading ${heading}.${old}`;
 }
