@@ -97,7 +97,7 @@ interop: $(VENV)/.dev ## build the real ROS 2 peers once (in a cache outside the
 interop-figures: $(VENV)/.dev ## the same at length: latencies, losses, late joiners, 33 restarts, discovery (15 minutes)
 	YAHBOOMD_INTEROP=1 $(PYTEST) tests/interop/figures.py tests/interop/test_two_machines.py $(ARGS)
 
-ros-programs: $(VENV)/.dev ## in a sourced ROS 2: robot_state_publisher, twist_mux, slam_toolbox and others, as installed, against a simulated robot
+ros-programs: $(VENV)/.dev ## in a sourced ROS 2: robot_state_publisher, slam_toolbox, Nav2, ros2cli and others, as installed, against simulated robots
 	$(PYTEST) -rs tests/interop/programs.py tests/interop/programs_of_two_robots.py $(ARGS)
 
 generators: $(VENV)/.dev ## types made of schemas/ by the generators of six languages read every golden sample (SHORT=1: of two)
