@@ -15,6 +15,7 @@ from yahboomd.core.link import discovery
 from yahboomd.core.link.port import Opener, Port, open_port
 from yahboomd.core.link.port_errors import holders
 from yahboomd.core.model import NS_PER_S
+from yahboomd.tools.port.stop_socket import SERVICES_FOLDER
 from yahboomd.tools.stop import diagnosis
 from yahboomd.tools.stop.port_search import port_options
 from yahboomd.tools.stop.stop_local import folders
@@ -59,7 +60,7 @@ def refuse_estop(port: str, config: Config, environ: Mapping[str, str]) -> None:
     """
     own = config.latch_path(environ, user_id=os.getuid())
     try:
-        found = own if LatchFile(own).load() is not None else None
+        found = own if _engaged(own) else None
         for folder in folders(environ):
             found = found or engaged_in(Path(folder), port)
     except OSError as error:
@@ -74,6 +75,13 @@ def refuse_estop(port: str, config: Config, environ: Mapping[str, str]) -> None:
             remedy="See why it was engaged. Then start the daemon, release it with `yahboomd stop "
             "--release`, and end the daemon again.",
         )
+
+
+def _engaged(own: Path) -> bool:
+    # To root the service's folder is another user's, whom the service itself trusts.
+    if own.parent == SERVICES_FOLDER:
+        return os.path.lexists(own)
+    return LatchFile(own).load() is not None
 
 
 HOLDS = (

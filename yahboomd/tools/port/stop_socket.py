@@ -20,16 +20,18 @@ from yahboomd.core.errors import Refused
 from yahboomd.core.messages.native import ServiceReply
 from yahboomd.tools.port.guarded import LeftTurning
 
+SERVICES_FOLDER = Path("/run/yahboomd")
+"""It stays when the service ends, and belongs to the service's user."""
+
 
 def tools_folder(environ: Mapping[str, str], *, user_id: int) -> Path:
     """The folder of a tool's stop socket: the daemon's, but one of its own for root.
 
-    The service's folder stays when the service ends, and belongs to the service's user, who could
-    remove the socket of root's tool.
+    The service's user could remove the socket of root's tool.
     """
     folder = runtime_folder(environ, user_id=user_id)
     # A stop finds it among those of the services, whose names begin in the same way.
-    return Path("/run/yahboomd-root") if folder == Path("/run/yahboomd") else folder
+    return Path("/run/yahboomd-root") if folder == SERVICES_FOLDER else folder
 
 
 @contextlib.asynccontextmanager
