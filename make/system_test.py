@@ -169,7 +169,8 @@ def _build_inside(tree: Path, root: Path, output: Path, *options: str) -> int:
         [
             *("systemd-nspawn", "--quiet", "-D", str(root), "--volatile=overlay"),
             *("--register=no", "--keep-unit", "--pipe", "--resolv-conf=copy-host", *trusted),
-            *(f"--bind-ro={tree}:/src", f"--bind={output}:/out"),
+            # The build writes its version into the tree: into a layer of its own.
+            *(f"--overlay={tree}::/src", f"--bind={output}:/out"),
             *("python3", "/src/packaging/build_deb.py", "--quick", "--output", "/out"),
             *options,
         ],
