@@ -19,11 +19,12 @@ from real_robot import Process
 from zenoh_fixtures import PATIENCE_S, eventually
 
 from yahboomd.cli.main import main
+from yahboomd.core.bus.presence import TokenChange
 from yahboomd.core.clock import SystemClock
 from yahboomd.core.errors import BusError
 from yahboomd.tools.fleet.fleet_list import FleetList, read_list
 from yahboomd.tools.fleet.fleet_stop import FleetStop
-from yahboomd.tools.fleet.stop_all import StopAll
+from yahboomd.tools.fleet.stop_all import StopAll, StopWay
 
 pytestmark = pytest.mark.realtime
 
@@ -209,6 +210,16 @@ async def test_a_router_that_dies_in_the_middle_is_gone_round_and_waited_for(
         assert progress.all_stand
     finally:
         bench.close()
+
+
+async def test_tokens_that_go_as_the_connections_close_change_no_result(fleet: FleetBench) -> None:
+    papers, progress = fleet.file("people/vera"), FleetStop(HERE)
+    whole = listed(fleet, HERE)
+    stop = StopAll(whole, papers, progress, lambda _: None, SystemClock())
+    way = StopWay("tcp/127.0.0.1:1", papers, [], stop)
+    await stop.run()
+    stop.seen(way, ONE, [TokenChange(key=ONE, present=False)])
+    assert progress.all_stand
 
 
 async def test_papers_that_are_none_end_it(fleet: FleetBench, tmp_path) -> None:

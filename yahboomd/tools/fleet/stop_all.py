@@ -126,6 +126,7 @@ class StopAll:
         self._news = asyncio.Event()
         self._tokens: dict[str, set[str]] = {}
         self._ways: list[StopWay] = []
+        self._over = False
 
     @property
     def turning(self) -> list[str]:
@@ -158,6 +159,8 @@ class StopAll:
                     async with timeout(AGAIN_S):
                         await self._news.wait()
         finally:
+            # As the connections close, every token goes: that tells nothing of the robots.
+            self._over = True
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
@@ -169,7 +172,9 @@ class StopAll:
             way.wake.set()
 
     def seen(self, way: StopWay, robot: str, changes: list[TokenChange]) -> None:
-        """Note tokens of a robot, as one way shows them."""
+        """Note tokens of a robot, as one way shows them; once it has ended they change nothing."""
+        if self._over:
+            return
         tokens = self._tokens.setdefault(robot, set())
         for change in changes:
             (tokens.add if change.present else tokens.discard)(f"{id(way)} {change.key}")
