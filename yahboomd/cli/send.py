@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 from yahboomd.cli.attended import add_robot_options, attend
 from yahboomd.cli.shared_options import (
     add_source_option,
-    check_source,
     number,
+    read_config,
+    source_of,
     take_negative_numbers,
 )
 from yahboomd.core.errors import NoDaemon
@@ -85,17 +86,17 @@ def run(args: argparse.Namespace) -> int:
         return 2
     from yahboomd.core.daemon.process import deadly
 
-    check_source(args)
+    source = source_of(args, read_config(args).config, "cmd_vel")
 
     async def work(robot: AsyncRobot) -> int:
-        return await _drive(robot, args)
+        return await _drive(robot, args, source)
 
     # A signal to suspend ends it: while suspended it would repeat nothing, and once continued it
     # would drive on.
-    return attend(args, work, source=args.source, signals=(*deadly(), signal.SIGTSTP))
+    return attend(args, work, source=source, signals=(*deadly(), signal.SIGTSTP))
 
 
-async def _drive(robot: AsyncRobot, args: argparse.Namespace) -> int:
+async def _drive(robot: AsyncRobot, args: argparse.Namespace, source: str) -> int:
     from yahboomd.client import Refused, StatusSample
     from yahboomd.tools.robot.obedience import Obedience
 
@@ -103,10 +104,10 @@ async def _drive(robot: AsyncRobot, args: argparse.Namespace) -> int:
     if before is None:
         raise Refused("The daemon has published no status yet: nothing was sent.")
     statuses = robot.samples(StatusSample)
-    if Obedience(args.source, before).trouble_before():
+    if Obedience(source, before).trouble_before():
         # That status may be older than the release of an emergency stop.
         before = await _next_status(statuses) or before
-    obedience = Obedience(args.source, before)
+    obedience = Obedience(source, before)
     if trouble := obedience.trouble_before():
         raise Refused(f"Nothing was sent. {trouble}")
     robot.drive(args.vx or 0.0, args.wz or 0.0, vy=args.vy or 0.0, for_s=args.for_s)

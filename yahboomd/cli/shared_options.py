@@ -77,14 +77,6 @@ def add_source_option(parser: argparse.ArgumentParser, default: str) -> None:
     )
 
 
-def check_source(args: argparse.Namespace) -> None:
-    """Raise if the key of ``--source`` cannot be one."""
-    from yahboomd.core.names import name_problem
-
-    if args.source and (problem := name_problem(args.source)):
-        raise ConfigError(f"--source {args.source}: {problem}.")
-
-
 def source_of(args: argparse.Namespace, config: Config, default: str) -> str:
     """The key of ``--source``; or else the person's own by the fleet's file; or else the default.
 
@@ -92,9 +84,11 @@ def source_of(args: argparse.Namespace, config: Config, default: str) -> str:
         ConfigError: The key cannot be one.
     """
     from yahboomd.client.person import own_source, person_in
+    from yahboomd.core.names import name_problem
 
-    check_source(args)
     if args.source:
+        if problem := name_problem(args.source):
+            raise ConfigError(f"--source {args.source}: {problem}.")
         return str(args.source)
     person = person_in(config.zenoh.config)
     return own_source(person) if person else default
