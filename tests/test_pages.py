@@ -18,7 +18,7 @@ from yahboomd.core.bus import keys
 from yahboomd.core.bus.inbox import MAX_BYTES
 from yahboomd.core.clock import PAUSE_NS, seconds
 from yahboomd.core.config import Config
-from yahboomd.core.drive.stop_watch import WITHIN_NS
+from yahboomd.core.drive.stop_watch import STAND_WITHIN_NS
 from yahboomd.core.model import FASTEST_M_S, FASTEST_RAD_S
 from yahboomd.core.protocol.dialect import Dialect
 from yahboomd.core.protocol.first_words import FIRST_WORDS
@@ -202,7 +202,7 @@ FIGURES = {
         seconds(PAUSE_NS), r"did not run for N s or more|starved for N s (?:or|and) more", 4
     ),
     "a stop's deadline": Figure(
-        seconds(WITHIN_NS),
+        seconds(STAND_WITHIN_NS),
         r"do not within N s|still turn after N s|longer than N s|after N s the motors are cut",
         4,
     ),

@@ -37,9 +37,13 @@ class Scene:
         self.watch = StandstillWatch(190.0)
         self.framer = LineFramer()
         self.deaf = False
+        self.late: list[bytes] | None = None
         self.port.listen(self.data, lambda _: None)
 
     def data(self, data: bytes) -> None:
+        if self.late is not None:
+            self.late.append(data)
+            return
         for item in self.framer.feed(data):
             decoded = self.dialect.decode(item)
             if isinstance(decoded, Totals) and not self.deaf:
@@ -99,6 +103,30 @@ async def test_a_wheel_that_does_not_obey_the_brake_is_cut() -> None:
     assert report.took_s > STAND_WITHIN_S
     await asyncio.sleep(1.0)
     assert max(scene.speeds) < 0.05
+
+
+@pytest.mark.parametrize("at_ms", range(10, 70, 10))
+@on_virtual_time
+async def test_counts_that_come_late_and_one_by_one_end_in_no_false_verdict(at_ms: int) -> None:
+    """As a starved host, or a USB adapter, hands them over."""
+    scene = Scene("streamed")
+    await scene.drive()
+
+    async def hold() -> None:
+        await asyncio.sleep(at_ms / 1000)
+        scene.late = []
+        await asyncio.sleep(0.2)
+        first, *others = scene.late
+        scene.late = None
+        scene.data(first)
+        await asyncio.sleep(0.004)
+        scene.data(b"".join(others))
+
+    holding = asyncio.create_task(hold())
+    report = await scene.rest()
+    assert report.stood is True
+    assert max(scene.speeds) < 0.03
+    await holding
 
 
 @on_virtual_time

@@ -19,8 +19,7 @@ REST_NS = 30 * NS_PER_S
 RECOVERS_NS = 2 * NS_PER_S
 """For this time after motion a battery's voltage rises."""
 
-SPACING_NS = NS_PER_S
-"""The least time between two readings that are used."""
+BETWEEN_READINGS_NS = NS_PER_S
 
 LEAST_READINGS = 3
 
@@ -76,7 +75,7 @@ class BatteryWatch:
         else:
             return None
         readings, used_ns = self._readings, self._used_ns
-        if volts < NO_BATTERY_V or (readings and now_ns - used_ns < SPACING_NS):
+        if volts < NO_BATTERY_V or (readings and now_ns - used_ns < BETWEEN_READINGS_NS):
             return None
         self._used_ns = now_ns
         readings.append((self._rested_ns, volts))

@@ -22,8 +22,7 @@ if TYPE_CHECKING:
 
 StopState: TypeAlias = Literal["idle", "stopping", "stopped", "overdue"]
 
-WITHIN_NS = 600_000_000
-"""The time within which the wheels must stand."""
+STAND_WITHIN_NS = 600_000_000
 
 # Two readings at the slowest sensible poll rate, several at the usual rates.
 SETTLED_NS = 30_000_000
@@ -77,7 +76,6 @@ class StopWatch:
             self._judge_later(now_ns)
 
     def cancel(self) -> None:
-        """End the watch, because motion is commanded again."""
         self.state = "idle"
 
     def measure(self, stamp_ns: int, measured_m_s: Sequence[float]) -> StopState:
@@ -113,7 +111,7 @@ class StopWatch:
             return None
         if self._judged_ns is None:
             return self._after_cut(now_ns)
-        if now_ns - self._judged_ns < WITHIN_NS:
+        if now_ns - self._judged_ns < STAND_WITHIN_NS:
             return None
         if self._still_ns is not None and now_ns - self._still_ns < 2 * SETTLED_NS:
             # They stand, and the reading that proves it is on its way.

@@ -149,11 +149,7 @@ class _LastWords:
 
 
 class _Watching:
-    """Repeats a stop until the counters show that the wheels stand.
-
-    Attributes:
-        said: The number of repeats.
-    """
+    """Repeats a stop until the counters show that the wheels stand; ``said`` counts repeats."""
 
     def __init__(
         self, words: _LastWords, clock: Clock, dialect: Dialect, watch: StandstillWatch
@@ -207,7 +203,7 @@ async def stop_unidentified(port: Port, clock: Clock) -> bool:
     """Stop a board whose dialect is not known: the stop of each dialect, after its resync.
 
     Returns:
-        Whether the port sent it, within :data:`UNIDENTIFIED_WITHIN_S`.
+        Whether the port sent it.
     """
     words = _LastWords(port, clock, within_s=UNIDENTIFIED_WITHIN_S)
     for _ in range(2):
@@ -247,10 +243,17 @@ async def bring_to_rest(
         held = await words.send(dialect.cut)
         if not braked:
             until_ns = await watching.until_still(dialect.cut, COAST_WITHIN_S, again=held)
-    await words.send(*dialect.disarm)
-    # A stop is the last frame, and the last of a burst: it is sent again if it was held up.
-    if await words.send(dialect.cut or dialect.brake):
-        await words.send(dialect.cut or dialect.brake)
+    for last in (False, True):
+        await words.send(*dialect.disarm)
+        # A stop is the last frame, and the last of a burst: it is sent again if it was held up.
+        if await words.send(dialect.cut or dialect.brake):
+            await words.send(dialect.cut or dialect.brake)
+        if last or not braked or watch.standing:
+            break
+        # Counts that come late, and one by one, look like standstill until all have come.
+        watch.reset()
+        stop = dialect.cut or dialect.brake
+        until_ns = await watching.until_still(stop, COAST_WITHIN_S, again=True)
     if words.gave_up:
         # Dropping it may cut a frame in half, and half a frame swallows the stop.
         port.discard()
