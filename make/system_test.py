@@ -165,10 +165,22 @@ def _build_inside(tree: Path, root: Path, output: Path, *options: str) -> int:
     if Path(certificates).exists():
         trusted = (f"--bind-ro={certificates}:/run/certificates.crt",)
         trusted += ("--setenv=PIP_CERT=/run/certificates.crt",)
+    # There is no git in it, which would tell.
+    known = subprocess.run(
+        [sys.executable, "-m", "setuptools_scm", "--root", str(tree)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        check=False,
+    )
+    version = ()
+    if known.returncode == 0:
+        version = (f"--setenv=SETUPTOOLS_SCM_PRETEND_VERSION={known.stdout.strip()}",)
     return subprocess.call(
         [
             *("systemd-nspawn", "--quiet", "-D", str(root), "--volatile=overlay"),
-            *("--register=no", "--keep-unit", "--pipe", "--resolv-conf=copy-host", *trusted),
+            *("--register=no", "--keep-unit", "--pipe", "--resolv-conf=copy-host"),
+            *(*trusted, *version),
             # The build writes its version into the tree: into a layer of its own.
             *(f"--overlay={tree}::/src", f"--bind={output}:/out"),
             *("python3", "/src/packaging/build_deb.py", "--quick", "--output", "/out"),
