@@ -1,11 +1,12 @@
 from __future__ import annotations
 
 import pytest
+from command_fixtures import patience
 from fake_daemon import fake_daemon
 
 from yahboomd.core import program
 
-__all__ = ["fake_daemon"]
+__all__ = ["fake_daemon", "patience"]
 
 
 @pytest.fixture(autouse=True)

@@ -267,6 +267,30 @@ async def test_a_service_without_a_key_of_that_name_is_asked_without_it_and_the_
     )
 
 
+@pytest.mark.usefixtures("patience")
+async def test_a_stop_with_a_persons_file_is_by_both_keys_and_first_by_the_one_of_that_name(
+    fake_daemon: Any, papers: Path
+) -> None:
+    daemon = await fake_daemon()
+    daemon.know("anna")
+    async with connect(daemon.endpoint, zenoh_file=papers) as robot:
+        assert await robot.estop() == "The emergency stop is engaged by name."
+    assert daemon.asked == [keys.own_key(keys.ESTOP, "anna"), keys.ESTOP]
+
+
+@pytest.mark.usefixtures("patience")
+async def test_a_daemon_that_does_not_know_the_name_is_stopped_and_the_answer_tells(
+    fake_daemon: Any, papers: Path
+) -> None:
+    daemon = await fake_daemon()
+    async with connect(daemon.endpoint, zenoh_file=papers) as robot:
+        assert await robot.estop() == (
+            "The emergency stop is engaged. Asked without a proven name: "
+            "nothing answers on yahboomd/estop/by/anna."
+        )
+    assert daemon.asked == [keys.ESTOP]
+
+
 async def test_entering_without_a_daemon_ends_in_an_error_with_a_remedy() -> None:
     endpoint = free_endpoint()
     with pytest.raises(NoDaemon, match=endpoint) as caught:

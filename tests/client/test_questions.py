@@ -6,7 +6,14 @@ from typing import Any
 import pytest
 from zenoh_fixtures import PATIENCE_S
 
-from yahboomd.client.questions import Answer, ask, read_answers, silence_of
+from yahboomd.client.questions import (
+    Answer,
+    ask,
+    ask_urgently,
+    read_answers,
+    silence_of,
+    which_count,
+)
 from yahboomd.core.bus import keys
 from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.options import BusOptions
@@ -64,6 +71,33 @@ def test_no_answer_is_no_success() -> None:
     assert answer.message == "No daemon answered."
 
 
+YES = encode(ServiceReply(success=True, message="Engaged."), "json")
+NO = encode(ServiceReply(success=False, message="Too many requests at once."), "json")
+
+
+@pytest.mark.parametrize(
+    ("named", "common", "count"),
+    [
+        ([YES], [YES], "named"),
+        ([YES], [], "named"),
+        ([NO], [], "named"),
+        ([], [YES], "common"),
+        ([YES], [YES, YES], "common"),
+        ([NO], [YES], "common"),
+        ([YES], [NO], "named"),
+        ([NO], [NO], "common"),
+    ],
+)
+def test_a_stop_that_is_acknowledged_on_one_of_its_keys_is_no_refusal(
+    named: list[bytes], common: list[bytes], count: str
+) -> None:
+    assert which_count(named, common) is (named if count == "named" else common)
+
+
+def test_no_answer_on_either_key_is_none() -> None:
+    assert which_count([], []) == []
+
+
 async def asked(us: Bus) -> Answer:
     return read_answers(await ask(us.session, keys.ESTOP, urgent=True))
 
@@ -87,3 +121,42 @@ async def test_a_service_without_a_server_answers_nothing(fake_daemon: Any) -> N
     daemon = await fake_daemon()
     async with client(daemon.endpoint) as us:
         assert await ask(us.session, "yahboomd/nothing") == []
+
+
+@pytest.mark.realtime
+async def test_keys_that_are_asked_at_once_do_not_wait_for_each_other(fake_daemon: Any) -> None:
+    daemon = await fake_daemon()
+    last_came = asyncio.Event()
+    yes = Response(payload=YES)
+
+    async def once_the_last_came(_: object) -> Response:
+        await last_came.wait()
+        return yes
+
+    def last(_: object) -> Response:
+        last_came.set()
+        return yes
+
+    async with client(daemon.endpoint) as other, client(daemon.endpoint) as us:
+        other.serve("first", once_the_last_came, fallback=lambda *_: yes)
+        other.serve("last", last, fallback=lambda *_: yes)
+        async with asyncio.timeout(PATIENCE_S):
+            # They become known in this order.
+            while not await ask(us.session, "last"):
+                await asyncio.sleep(0.01)
+        last_came.clear()
+        keys_in_full = ("first", "last")
+        found = await ask_urgently(us.session, keys_in_full, b"{}", timeout_s=PATIENCE_S)
+    assert found == [[YES], [YES]]
+
+
+@pytest.mark.realtime
+async def test_a_key_that_cannot_be_asked_or_that_nothing_knows_keeps_no_other_from_being_asked(
+    fake_daemon: Any,
+) -> None:
+    daemon = await fake_daemon()
+    async with client(daemon.endpoint) as us:
+        keys_in_full = ("/?", "unknown", keys.ESTOP)
+        found = await ask_urgently(us.session, keys_in_full, b"{}", timeout_s=PATIENCE_S)
+    assert [len(each) for each in found] == [0, 0, 1]
+    assert daemon.asked == [keys.ESTOP]

@@ -41,12 +41,15 @@ def _is_on_the_path(monkeypatch: pytest.MonkeyPatch) -> None:
 def patience(monkeypatch: pytest.MonkeyPatch) -> None:
     """A daemon that a busy machine holds up is waited for: none may be silent on purpose."""
     monkeypatch.setattr(stop_local, "STATUS_WITHIN_S", PATIENCE_S)
-    ask = async_robot.ask
+    for name in ("ask", "ask_urgently"):
+        monkeypatch.setattr(async_robot, name, _patient(getattr(async_robot, name)))
 
-    async def patient(*arguments: Any, **options: Any) -> list[bytes]:
+
+def _patient(ask: Callable[..., Any]) -> Callable[..., Any]:
+    async def patient(*arguments: Any, **options: Any) -> Any:
         return await ask(*arguments, **{**options, "timeout_s": PATIENCE_S})
 
-    monkeypatch.setattr(async_robot, "ask", patient)
+    return patient
 
 
 @pytest.fixture(scope="module")

@@ -82,6 +82,7 @@ class FakeDaemon:
         assert self._bus is not None
         self._bus.subscribe(f"{keys.CMD_VEL}/{person}", self._take)
         self._bus.serve(keys.own_key(keys.ESTOP_RESET, person), self._reset, fallback=_refuse)
+        self._bus.serve(keys.own_key(keys.ESTOP, person), self._estop, fallback=_refuse)
 
     async def stop(self) -> None:
         """End as a daemon that is stopped; nothing to do when it has."""
@@ -134,7 +135,8 @@ class FakeDaemon:
 
     def _estop(self, request: BusQuery) -> Response:
         self.asked.append(request.key)
-        return _answer(True, "The emergency stop is engaged.")
+        by = "" if request.key == keys.ESTOP else " by name"
+        return _answer(True, f"The emergency stop is engaged{by}.")
 
     def _reset(self, request: BusQuery) -> Response:
         self.asked.append(request.key)

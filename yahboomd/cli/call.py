@@ -85,16 +85,24 @@ def _request(text: str) -> bytes:
 
 async def _call(robot: AsyncRobot, service: str, request: bytes) -> int:
     from yahboomd.client.questions import read_answers
+    from yahboomd.core.bus import keys
     from yahboomd.core.errors import NoDaemon
+    from yahboomd.tools.fleet.people_keys import NAMED
     from yahboomd.tools.robot.on_bus import one_line
 
-    urgent = service == "estop"
-    payloads = await robot.ask(f"yahboomd/{service}", request, urgent=urgent)
+    key = f"yahboomd/{service}"
+    if key in NAMED:
+        payloads, unproven = await robot.ask_by_name(key, request)
+    else:
+        payloads, unproven = await robot.ask(key, request), ""
     if not payloads:
+        urgent = key == keys.ESTOP
         raise NoDaemon(
-            f"The daemon is there, and its service yahboomd/{service} does not answer.",
+            f"The daemon is there, and its service {key} does not answer.",
             remedy="Switch the motors' supply off." if urgent else "Is it busy? Try again.",
         )
     for payload in payloads:
         print(one_line(payload), flush=True)
+    if unproven:
+        print(unproven, file=sys.stderr)
     return os.EX_OK if read_answers(payloads).success else REFUSED

@@ -19,7 +19,14 @@ from yahboomd.client.endings import Endings
 from yahboomd.client.move_messages import Move
 from yahboomd.client.move_run import MoveRun
 from yahboomd.client.person import own_source, person_in
-from yahboomd.client.questions import Answer, ask, read_answers, silence_of
+from yahboomd.client.questions import (
+    Answer,
+    ask,
+    ask_urgently,
+    read_answers,
+    silence_of,
+    which_count,
+)
 from yahboomd.client.robot_moves import RobotMoves
 from yahboomd.client.streams import (
     MOTION,
@@ -472,21 +479,38 @@ class AsyncRobot(NewestSamples, RobotMoves):
         """
         return self._done(await self.request(key, payload, timeout_s=timeout_s, urgent=urgent))
 
-    async def request_by_name(self, key: str, payload: bytes = b"{}") -> Answer:
-        """Ask a service that changes something; in a fleet by the key that proves who asks.
+    async def ask_by_name(self, key: str, payload: bytes = b"{}") -> tuple[list[bytes], str]:
+        """Query a service that changes something; in a fleet by the key that proves who asks.
 
         The name is that of the person's file (``zenoh_file``). If no daemon answers on this key,
-        the common one is asked, and the message tells that no name is proven.
+        the common one is asked. The emergency stop waits for no answer: it is asked for on both
+        keys at once.
+
+        Returns:
+            The payload of each answer, and a sentence if they prove no name although there is one.
         """
+        stops = key == keys.ESTOP
         if not self._person:
-            return await self.request(key, payload)
-        answer = await self.request(own := keys.own_key(key, self._person), payload)
-        if answer.answered:
-            return answer
-        answer = await self.request(key, payload)
-        if not answer.answered:
-            return answer
-        words = f"{answer.message} Asked without a proven name: nothing answers on {own}."
+            return await self.ask(key, payload, urgent=stops), ""
+        own = keys.own_key(key, self._person)
+        if stops:
+            bus = self.bus
+            in_full = (bus.key(own), bus.key(key))
+            named, common = await ask_urgently(bus.session, in_full, payload)
+        else:
+            named = await self.ask(own, payload)
+            common = [] if named else await self.ask(key, payload)
+        unproven = ""
+        if len(named) < len(common):
+            which = "not every daemon" if named else "nothing"
+            unproven = f"Asked without a proven name: {which} answers on {own}."
+        return which_count(named, common), unproven
+
+    async def request_by_name(self, key: str, payload: bytes = b"{}") -> Answer:
+        """Ask as :meth:`ask_by_name` does; the message tells if no name is proven."""
+        payloads, unproven = await self.ask_by_name(key, payload)
+        answer = read_answers(payloads)
+        words = f"{answer.message} {unproven}".rstrip()
         return msgspec.structs.replace(answer, message=words)
 
     def _done(self, answer: Answer) -> Answer:
@@ -513,7 +537,7 @@ class AsyncRobot(NewestSamples, RobotMoves):
         if self.commanded is not None:
             self.stop()
         payload = estop_payload(by or self._label)
-        return (await self.call(keys.ESTOP, payload, urgent=True)).message
+        return self._done(await self.request_by_name(keys.ESTOP, payload)).message
 
     async def release(self) -> str:
         """Release the emergency stop, and clear a fault; returns the daemon's words.

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 import msgspec
@@ -53,24 +54,71 @@ async def ask(
     """
 
     def get() -> list[bytes]:
-        replies = session.get(
-            key,
-            # Every daemon that is there, not the nearest one: an emergency stop is for all.
-            target=zenoh.QueryTarget.ALL,
-            consolidation=zenoh.ConsolidationMode.NONE,
-            timeout=timeout_s,
-            congestion_control=zenoh.CongestionControl.BLOCK,
-            priority=zenoh.Priority.REAL_TIME if urgent else zenoh.Priority.DATA,
-            express=urgent,
-            payload=payload,
-            encoding="application/json",
-        )
-        return [reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None]
+        return list(_payloads(_query(session, key, payload, timeout_s, urgent)))
 
     try:
         return await bounded(get, timeout_s=timeout_s + GRACE_S, name="client-ask")
     except (TimeoutError, zenoh.ZError):
         return []
+
+
+async def ask_urgently(
+    session: zenoh.Session, keys_in_full: Sequence[str], payload: bytes, *, timeout_s: float = 1.5
+) -> list[list[bytes]]:
+    """Query several keys at once, urgently, off the event loop.
+
+    They go out together and arrive in this order. A key that nothing knows, or that an access rule
+    drops, keeps no other one from being asked or answered.
+
+    Returns:
+        For each key the payload of each answer.
+    """
+    found: list[list[bytes]] = [[] for _ in keys_in_full]
+
+    def get() -> None:
+        asked = []
+        for key, payloads in zip(keys_in_full, found, strict=True):
+            with suppress(zenoh.ZError):
+                asked.append((_query(session, key, payload, timeout_s, urgent=True), payloads))
+        # The last one's first: a query that nothing answers may end with its timeout.
+        for replies, payloads in reversed(asked):
+            payloads.extend(_payloads(replies))
+
+    with suppress(TimeoutError):
+        await bounded(get, timeout_s=timeout_s + GRACE_S, name="client-ask")
+    return [list(each) for each in found]
+
+
+def which_count(named: list[bytes], common: list[bytes]) -> list[bytes]:
+    """Of one request by a person's key and by the common one, the answers that count.
+
+    Those by the person's key, unless not every daemon gave one, or one refused.
+    """
+    if len(named) < len(common):
+        return common
+    # What was refused on one key and done on the other was done.
+    return common if common and not read_answers(named).success else named
+
+
+def _query(
+    session: zenoh.Session, key: str, payload: bytes, timeout_s: float, urgent: bool
+) -> Iterable[zenoh.Reply]:
+    return session.get(
+        key,
+        # Every daemon that is there, not the nearest one: an emergency stop is for all.
+        target=zenoh.QueryTarget.ALL,
+        consolidation=zenoh.ConsolidationMode.NONE,
+        timeout=timeout_s,
+        congestion_control=zenoh.CongestionControl.BLOCK,
+        priority=zenoh.Priority.REAL_TIME if urgent else zenoh.Priority.DATA,
+        express=urgent,
+        payload=payload,
+        encoding="application/json",
+    )
+
+
+def _payloads(replies: Iterable[zenoh.Reply]) -> Iterator[bytes]:
+    return (reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None)
 
 
 def silence_of(payloads: list[bytes], source: str) -> float | None:

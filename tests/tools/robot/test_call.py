@@ -53,6 +53,22 @@ def test_an_emergency_stop_without_a_request_names_this_command(
     assert on_robot("call", "estop/reset") == 0
 
 
+def test_with_a_persons_file_a_robot_that_does_not_know_the_name_is_asked_without_it(
+    on_robot: Callable[..., int], tmp_path, capsys
+) -> None:
+    papers = tmp_path / "anna.json5"
+    papers.write_text('{"metadata": {"yahboomd_fleet": {"person": "anna"}}}')
+    by_anna = ("--set", f'zenoh.config="{papers}"')
+    assert on_robot("call", "odometry/reset", *by_anna) == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out)["success"] is True
+    own = "yahboomd/odometry/reset/by/anna"
+    assert said.err == f"Asked without a proven name: nothing answers on {own}.\n"
+    # A service that changes nothing has one key.
+    assert on_robot("call", "config", *by_anna) == 0
+    assert capsys.readouterr().err == ""
+
+
 @pytest.mark.parametrize("service", ["**", "odometry/*", "yahboomd/**", "nothing", "status", ""])
 def test_only_services_are_called(service: str, capsys) -> None:
     with pytest.raises(SystemExit) as left:

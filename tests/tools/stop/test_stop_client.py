@@ -150,6 +150,23 @@ async def test_a_release_with_a_persons_file_is_by_the_key_of_that_name(robot, t
     assert words == "Released by name."
 
 
+async def test_a_stop_with_a_persons_file_is_by_the_key_of_that_name_too(robot, tmp_path) -> None:
+    papers = tmp_path / "anna.json5"
+    papers.write_text('{"metadata": {"yahboomd_fleet": {"person": "anna"}}}')
+    config = Config.of({"zenoh": {"config": str(papers)}})
+    own = keys.own_key(keys.ESTOP, "anna")
+    daemon = robot([0.0])
+    done = await engage((robot.endpoint,), config, within_s=60.0)
+    assert done is not None
+    assert f"Asked without a proven name: nothing answers on {own}." in done.words
+    by_name = answer(True, "Engaged by name.")
+    daemon._bus.serve(own, lambda _request: by_name, fallback=lambda _: answer(False))
+    done = await engage((robot.endpoint,), config, within_s=60.0)
+    assert done is not None
+    assert done.words.startswith("Engaged by name. The wheels stand.")
+    assert (done.stood, done.daemons, daemon.engaged) == (True, 1, 2)
+
+
 async def test_another_robots_daemon_is_left_alone(robot) -> None:
     daemon = robot([0.0])
     other = Config.of({"zenoh": {"namespace": "bot2"}})

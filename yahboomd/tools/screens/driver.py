@@ -189,7 +189,7 @@ class Driver:
         client = self._feed.client
         self._answer = ("emergency stop …", "bold red")
         if client.is_open:
-            answer = await client.request(keys.ESTOP, b'{"by":"yahboomd drive"}', urgent=True)
+            answer = await client.request_by_name(keys.ESTOP, b'{"by":"yahboomd drive"}')
             if answer.answered:
                 self._answer = (answer.message, "bold red")
                 return

@@ -56,7 +56,7 @@ async def engage(
         if port and await _elsewhere(robot, port):
             return None
         robot.newest(WheelsSample)  # Subscribes, so that the wheels' motion is known at the end.
-        answer = await robot.request(keys.ESTOP, b'{"by":"yahboomd stop"}', urgent=True)
+        answer = await robot.request_by_name(keys.ESTOP, b'{"by":"yahboomd stop"}')
         if not answer.answered:
             return None
         standing = await robot.standing(within_s)
