@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
-from collections.abc import Iterator
+import math
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager
 from itertools import product
+from pathlib import Path
 
 import pytest
 import zenoh
@@ -12,10 +16,24 @@ from zenoh.handlers import Callback
 
 pytest.importorskip("cryptography")
 
-from fleet_bench import ROBOTS, FleetBench, heard_of
-from real_robot import wait_for
+from fleet_bench import LATE, ROBOTS, FleetBench, heard_of
+from real_robot import free_endpoint, wait_for
+from zenoh_fixtures import PATIENCE_S, eventually
 
+from yahboomd.client import AsyncRobot, StatusSample, connect
+from yahboomd.client.questions import ask
+from yahboomd.core.bus import keys
+from yahboomd.core.bus.keys import own_key
+from yahboomd.core.config import Config, read
+from yahboomd.core.daemon.black_box import NoBlackBox
+from yahboomd.core.daemon.service import Daemon
+from yahboomd.core.model import Event
+from yahboomd.simulation.memory import MemoryPort
+from yahboomd.simulation.robot import SimulatedRobot
 from yahboomd.tools.fleet.fleet_rules import is_allowed
+from yahboomd.tools.fleet.people_keys import own_stop
+from yahboomd.tools.fleet.people_plane import PeoplePlane, people_of
+from yahboomd.tools.stop.stop_client import BusStop, engage
 
 pytestmark = pytest.mark.realtime
 
@@ -235,6 +253,128 @@ def test_no_file_lets_a_certificate_in_that_another_authority_signed(
     forger.addresses = fleet.addresses
     with pytest.raises(zenoh.ZError), forger.person("people/max", "north"):
         pass
+
+
+class Told:
+    """What a daemon tells a plane: its status, and who did what by a person's key."""
+
+    name = "a test"
+
+    def __init__(self) -> None:
+        self.named: list[tuple[str, object, object]] = []
+        self.statuses: list[StatusSample] = []
+
+    def start(self, *_: object) -> Told:
+        return self
+
+    def event(self, event: Event, _stamp_ns: int) -> None:
+        if event.kind in {"driver_changed", "asked_by_name"}:
+            self.named.append((event.kind, event.data["name"], event.data["key"]))
+
+    def status(self, sample: StatusSample) -> None:
+        self.statuses.append(sample)
+
+    def estimate(self, *_: object) -> None:
+        """Nothing."""
+
+    imu = battery = estimate
+
+    async def next_status(self) -> StatusSample:
+        """The first one of what is so now."""
+        count = len(self.statuses)
+        await eventually(lambda: len(self.statuses) > count)
+        return self.statuses[count]
+
+
+@asynccontextmanager
+async def driven(fleet: FleetBench, folder: Path) -> AsyncIterator[Told]:
+    """A whole daemon, with its two files of the fleet, that drives a simulated board."""
+    overrides = [
+        f'zenoh.listen=["{free_endpoint()}"]',
+        f'zenoh.config="{fleet.file("robots/bot4")}"',
+        f"estop.latch_file={folder / 'estop'}",
+    ]
+    path = fleet.file("robots/bot4", ".toml")
+    config = read(path, environ={}, overrides=overrides).config
+    board, told = SimulatedRobot(), Told()
+
+    async def opened() -> MemoryPort:
+        port = MemoryPort(board)
+        port.open()
+        return port
+
+    daemon = Daemon(
+        config,
+        environ={"RUNTIME_DIRECTORY": str(folder / "run")},
+        black_box=lambda *_: NoBlackBox(),
+        planes=[PeoplePlane(people_of(config)), told],
+        opener=opened,
+    )
+    task = asyncio.create_task(daemon.run())
+    try:
+        yield told
+    finally:
+        daemon.stop("the test's end")
+        await task
+
+
+def by(fleet: FleetBench, person: str) -> AsyncRobot:
+    """A person at the router above the sites, as a client of that daemon."""
+    return connect(
+        f"tls/{fleet.addresses['top']}",
+        namespace=LATE,
+        wait_s=PATIENCE_S,
+        zenoh_file=fleet.file(f"people/{person}"),
+    )
+
+
+@pytest.mark.usefixtures("patience")
+async def test_who_drives_and_stops_through_the_routers_is_named_and_nobody_else_can_use_the_name(
+    fleet: FleetBench, tmp_path: Path
+) -> None:
+    his = ("asked_by_name", "max", keys.ODOMETRY_RESET)
+    drives = ("driver_changed", "olga", "cmd_vel/olga")
+    stops = ("asked_by_name", "olga", keys.ESTOP)
+    async with (
+        driven(fleet, tmp_path) as told,
+        by(fleet, "olga") as olga,
+        by(fleet, "max") as thief,
+    ):
+        while (await told.next_status()).state != "standing":
+            pass
+        # The maintainer, who may do more than she, under her name; then a question of his own.
+        session = thief.bus.session
+        session.put(f"{LATE}/cmd_vel/olga", b'{"vx": 0.2}')
+        for key in (keys.ESTOP, keys.ODOMETRY_RESET):
+            in_full = f"{LATE}/{own_key(key, 'olga')}"
+            session.put(in_full, b"{}")
+            await ask(session, in_full, timeout_s=0.1)
+        await thief.reset_odometry()
+        status = await told.next_status()
+        assert (status.state, status.command["received"]) == ("standing", 0)
+        assert told.named == [his]
+
+        def driving() -> bool:
+            # A machine that holds this process up for too long ends a command.
+            olga.drive(0.2, for_s=math.inf)
+            return drives in told.named
+
+        await eventually(driving)
+        assert (await stopped_by(fleet, "olga")).stood
+        status = await told.next_status()
+        assert status.why.startswith(f"Emergency stop, engaged by {own_stop('olga')}")
+    assert {each for each in told.named if each[0] == "asked_by_name"} == {his, stops}
+
+
+async def stopped_by(fleet: FleetBench, person: str) -> BusStop:
+    """The outcome of `yahboomd stop` with a person's file; repeated if no answer comes in time."""
+    settings = {"namespace": LATE, "config": str(fleet.file(f"people/{person}"))}
+    endpoints = (f"tls/{fleet.addresses['top']}",)
+    async with asyncio.timeout(PATIENCE_S):
+        while True:
+            found = await engage(endpoints, Config.of({"zenoh": settings}), within_s=PATIENCE_S)
+            if found is not None:
+                return found
 
 
 def test_rules_are_read_as_zenoh_reads_them(fleet: FleetBench) -> None:
