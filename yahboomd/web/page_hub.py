@@ -112,7 +112,7 @@ class PageHub:
         self.camera = CameraFeed(settings.camera, clock) if settings.camera else None
         self.fleet = PageFleet(settings.fleet, clock) if settings.fleet else None
         self._aims = False
-        self._has_moves = False
+        self._has_moves, self._problem = False, ""
         self._commands = PageCommands(
             clock,
             self._put,
@@ -401,7 +401,7 @@ class PageHub:
         parts |= self.robot.fresh()
         if (self._commands.driver, self.robot.driver) != self._driver:
             self._show_control()
-        if self.robot.has_moves != self._has_moves:
+        if (self.robot.has_moves, self.robot.problem) != (self._has_moves, self._problem):
             self._robot_changed()
         self._show(parts)
 
@@ -449,7 +449,7 @@ class PageHub:
             page.show(parts)
 
     def _robot_changed(self) -> None:
-        self._has_moves = self.robot.has_moves
+        self._has_moves, self._problem = self.robot.has_moves, self.robot.problem
         daemon = daemon_part(self.robot)
         for page in self._pages.values():
             page.queue(self._hello(page))
