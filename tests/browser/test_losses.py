@@ -193,6 +193,8 @@ def test_losses_by_a_viewers_stop(make_bench: Callable[..., PageBench]) -> None:
         page.order("Emulation.setFocusEmulationEnabled", enabled=True)  # Two phones.
         other.says(".words", "watch and stop")
         for _ in range(TIMES):
+            # The browser gives the page behind another one little time.
+            page.order("Page.bringToFront")
             counted(bench, page, "emergency stop by a viewer", lambda: other.click("#estop"))
             page.lift()
             bench.recover()
