@@ -67,7 +67,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         )
         if name == "renew":
             verb.add_argument(
-                "names", metavar="NAME", nargs="*", help="robots, sites or people (default: by age)"
+                "names",
+                metavar="NAME",
+                nargs="*",
+                # Without one, whether it is optional depends on the version of argparse.
+                default=[],
+                help="robots, sites or people (default: by age)",
             )
             verb.add_argument(
                 "--within",

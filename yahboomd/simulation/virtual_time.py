@@ -91,6 +91,10 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
         """Virtual seconds."""
         return self._virtual.now_ns / NS_PER_S
 
+    async def shutdown_default_executor(self, timeout: float | None = None) -> None:  # noqa: ARG002, ASYNC109
+        """Wait for its threads as long as it takes: their time is real."""
+        await super().shutdown_default_executor()
+
     def freeze(self, for_s: float) -> None:
         """Advance the time while nothing runs, as in a process that is stopped and continued."""
         self._virtual.now_ns += round(for_s * NS_PER_S)
