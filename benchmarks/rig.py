@@ -249,12 +249,10 @@ class Usage(NamedTuple):
 
 
 def usage(pid: int) -> Usage:
-    """Read /proc; CPU in nanoseconds, of all threads."""
+    """CPU of all threads, also of those that have ended; the rest from /proc."""
     tasks = list(Path(f"/proc/{pid}/task").iterdir())
-    cpu_ns = 0
-    for task in tasks:
-        with contextlib.suppress(OSError):
-            cpu_ns += int((task / "schedstat").read_text().split()[0])
+    # The number of the process's own clock: clock_getcpuclockid(3), which Python does not have.
+    cpu_ns = time.clock_gettime_ns(~pid << 3 | 2)
     status = Path(f"/proc/{pid}/status").read_text()
     # A process that has ended and was not waited for has none.
     rss = next((line for line in status.splitlines() if line.startswith("VmRSS:")), "VmRSS: 0 kB")
