@@ -143,7 +143,8 @@ def thin(zenohd: str, *, counts: Sequence[int], seconds: float) -> Table:
             last = stopped(fleet)
         rows.append(
             [str(count), number(join_ms), number(mb), number(1e3 * (mb - empty_mb) / count),
-             number(rest), number(found["tokens_s"]), number(found["status_s"]),
+             number(rest), f"{found['tokens']} of {count} in {number(found['tokens_s'])}",
+             number(found["status_s"]),
              number(found["status_cpu_s"]), number(100 * found["watch"]), number(watched),
              f"{found['answered']} of {count}", number(1e4 * busy[0] / read["hz"]),
              number(read["p99_ms"]), *last]
@@ -153,7 +154,7 @@ def thin(zenohd: str, *, counts: Sequence[int], seconds: float) -> Table:
         title="Thin robots on one router, each with all declarations of a daemon. Poses: those of "
         f"{READ} robots are read, at 50 Hz each.",
         header=["robots", "router ms to join, each", "router MB", "kB each", "router at rest, %",
-                "all tokens, s", "`fleet status`, s", "its CPU, s", "`--watch`, %",
+                "tokens, s", "`fleet status`, s", "its CPU, s", "`--watch`, %",
                 "router meanwhile, %", "answered", "router µs a pose", "p99 ms", "stopped",
                 "last, s"],
         rows=rows,
