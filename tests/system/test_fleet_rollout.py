@@ -199,20 +199,20 @@ def test_a_robot_that_drives_is_touched_once_it_stands(robots: Robots) -> None:
     driving.drive(key=f"{namespace}/cmd_vel")
     robots.command("renew", *NAMES)
     pid, files = robots.pids(), robots.files()
-    process = robots.begin()
-    assert process.stdout is not None
-    said = ""
-    for line in process.stdout:
-        said += line
-        # The second time: it was asked before, and drove.
-        if said.count("RETRYING: [bot1]: Stand without a driver") >= 2:
-            break
-    assert robots.pids() == pid
-    assert robots.files() == files
-    assert driving.board.speed_m_s() > 0.25
-    driving.stop_driving()
-    said += process.stdout.read()
-    assert process.wait() == 0, said
+    with robots.begin() as process:
+        assert process.stdout is not None
+        said = ""
+        for line in process.stdout:
+            said += line
+            # The second time: it was asked before, and drove.
+            if said.count("RETRYING: [bot1]: Stand without a driver") >= 2:
+                break
+        assert robots.pids() == pid
+        assert robots.files() == files
+        assert driving.board.speed_m_s() > 0.25
+        driving.stop_driving()
+        said += process.stdout.read()
+    assert process.returncode == 0, said
     assert all(text != files[name] for name, text in robots.files().items())
     assert robots.states() == dict.fromkeys(NAMES, "standing")
 
@@ -246,19 +246,19 @@ def test_a_robot_lost_in_the_middle_keeps_its_old_files_and_the_next_rollout_fin
 ) -> None:
     robots.command("renew", *NAMES)
     files = robots.files()
-    process = robots.begin(yahboomd_waves=[2, 1], yahboomd_settle_s=20)
-    assert process.stdout is not None
-    said = ""
-    for line in process.stdout:
-        said += line
-        if "TASK [yahboomd_robot : Restart]" in line:
-            break
-    robots.cut("bot2")
-    try:
-        said += process.stdout.read()
-        assert process.wait() != 0
-    finally:
-        robots.join("bot2")
+    with robots.begin(yahboomd_waves=[2, 1], yahboomd_settle_s=20) as process:
+        assert process.stdout is not None
+        said = ""
+        for line in process.stdout:
+            said += line
+            if "TASK [yahboomd_robot : Restart]" in line:
+                break
+        robots.cut("bot2")
+        try:
+            said += process.stdout.read()
+        finally:
+            robots.join("bot2")
+    assert process.returncode != 0
     assert "bot2: the connection was lost in the middle of its change." in said, said
     now = robots.files()
     assert (robots.fleet / "robots/bot1.json5").read_text() in now["bot1"]
