@@ -181,8 +181,10 @@ class BoxKeeper:
         wait_s = self._wait_s()
         self._trigger(ASKED, 0.0)
         if wait_s > 0.0:
+            # It may have been one of an earlier daemon's, or have failed.
+            newest = f"; the newest of this daemon is {self._last}" if self._last else ""
             words = (
-                f"The black box was saved {AGAIN_S - wait_s:.0f} s ago ({self._last or 'failed'}): "
+                f"A black box was being saved {AGAIN_S - wait_s:.0f} s ago{newest}: "
                 f"it is saved again in {wait_s:.0f} s, and reaches back to that moment."
             )
             return ServiceReply(success=True, message=words)
