@@ -151,7 +151,7 @@ async def test_on_demand_it_is_saved_at_once_and_within_a_minute_it_says_when(
         await asyncio.sleep(12.0)
         answer = await rig.box.save_now()
         assert answer.success
-        assert "saved 12 s ago" in answer.message
+        assert f"was saved 12 s ago ({saved.path.name})" in answer.message
         assert "again in 48 s" in answer.message
         assert len(rig.saved) == 1
         await asyncio.sleep(47.0)
@@ -177,6 +177,8 @@ async def test_a_disk_that_fails_is_counted_reported_once_and_holds_up_nothing(
         answer = await rig.box.save_now()
         assert not answer.success
         assert str(rig.folder) in answer.message
+        again = (await rig.box.save_now()).message
+        assert f"could not be saved 0 s ago ({rig.folder}" in again
         # The writer of another test may end late.
         warned = [each for each in caplog.records if str(rig.folder) in each.getMessage()]
         assert [(each.name, each.levelno) for each in warned] == [

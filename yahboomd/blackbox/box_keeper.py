@@ -90,6 +90,8 @@ class BoxKeeper:
         self._due_ns = 0
         self._saved_ns: int | None = None
         self._last = ""
+        self._newest = ("", "")
+        """What became of the newest save, in words, and its name or the problem."""
         self._asked: list[asyncio.Future[BoxOutcome]] = []
         folder = ring_folder(runtime_folder(environ, user_id=os.getuid()), os.getuid())
         self._writer = BoxWriter(
@@ -181,10 +183,8 @@ class BoxKeeper:
         wait_s = self._wait_s()
         self._trigger(ASKED, 0.0)
         if wait_s > 0.0:
-            # It may have been one of an earlier daemon's, or have failed.
-            newest = f"; the newest of this daemon is {self._last}" if self._last else ""
             words = (
-                f"A black box was being saved {AGAIN_S - wait_s:.0f} s ago{newest}: "
+                f"A black box {self._newest[0]} {AGAIN_S - wait_s:.0f} s ago ({self._newest[1]}): "
                 f"it is saved again in {wait_s:.0f} s, and reaches back to that moment."
             )
             return ServiceReply(success=True, message=words)
@@ -228,6 +228,7 @@ class BoxKeeper:
         if self._writer.busy or file is None:
             return
         self._saved_ns = self._clock.now_ns()
+        self._newest = ("began to be saved", "it is not done yet")
         if not self._reasons:
             self._writer.adopt(self._recorders.guarded(NAME, partial(self._finished, ())))
             return
@@ -248,11 +249,15 @@ class BoxKeeper:
             age_ns = self._clock.wall_ns() - newest_ns
             if 0 <= age_ns < nanoseconds(AGAIN_S):
                 self._saved_ns = self._clock.now_ns() - age_ns
+                self._newest = ("was saved", "by an earlier daemon")
         self._schedule()
 
     def _finished(self, asked: tuple[asyncio.Future[BoxOutcome], ...], outcome: BoxOutcome) -> None:
-        if outcome.path is not None:
+        if outcome.path is None:
+            self._newest = ("could not be saved", outcome.problem)
+        else:
             self._last = outcome.path.name
+            self._newest = ("was saved", self._last)
         for future in asked:
             if not future.done():
                 future.set_result(outcome)

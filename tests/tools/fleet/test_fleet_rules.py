@@ -280,7 +280,7 @@ class Told:
     imu = battery = estimate
 
     async def next_status(self) -> StatusSample:
-        """The first one of what is so now."""
+        """The next status that the daemon publishes."""
         count = len(self.statuses)
         await eventually(lambda: len(self.statuses) > count)
         return self.statuses[count]
