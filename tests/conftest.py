@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, settings
 from real_robot import client, real_robot
+from standstill import pytest_runtest_protocol, pytest_terminal_summary
 from zenoh_fixtures import zenoh_router
 
 from yahboomd.blackbox.ring_file import ring_folder
@@ -105,7 +106,14 @@ def pytest_collection() -> Iterator[None]:
         gc.enable()
 
 
-__all__ = ["client", "real_robot", "virtual_time_run", "zenoh_router"]
+__all__ = [
+    "client",
+    "pytest_runtest_protocol",
+    "pytest_terminal_summary",
+    "real_robot",
+    "virtual_time_run",
+    "zenoh_router",
+]
 
 
 def _remove_rings(runtime: Path) -> None:
