@@ -139,8 +139,9 @@ def test_nothing_but_the_latch_is_left_behind_and_what_was_is_removed(tmp_path: 
     assert sorted(path.name for path in tmp_path.iterdir()) == [".estop-mine", "estop"]
 
 
-def named(folder: Path, port: str) -> LatchFile:
-    return LatchFile(folder / f"estop{'@' if port else ''}{quote(port, safe='')}", port=port)
+def named(folder: Path, port: str, namespace: str = "") -> LatchFile:
+    name = f"estop{'.' if namespace else ''}{namespace}{'@' if port else ''}{quote(port, safe='')}"
+    return LatchFile(folder / name, port=port)
 
 
 @pytest.mark.parametrize(
@@ -176,9 +177,29 @@ def test_what_may_be_the_same_board_by_another_name_stays_engaged_until_released
     assert named(tmp_path, one).load() is None
 
 
-def test_the_latch_of_another_namespace_is_another_robots(tmp_path: Path) -> None:
-    LatchFile(tmp_path / "estop.a", port="").engage("a query")
-    assert LatchFile(tmp_path / "estop", port="").load() is None
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [("", ""), ("/dev/x", ""), ("", "/dev/x"), ("/dev/x", "/dev/y"), ("/tmp/x", "/tmp/y")],
+)
+def test_the_latch_of_another_namespace_is_another_robots(
+    tmp_path: Path, one: str, other: str
+) -> None:
+    named(tmp_path, one, "a").engage("a query")
+    assert named(tmp_path, other).load() is None
+    assert named(tmp_path, other, "b").load() is None
+
+
+@pytest.mark.parametrize("port", ["/dev/x", "/tmp/board"])
+@pytest.mark.parametrize(("before", "after"), [("a", "b"), ("", "b"), ("a", "")])
+def test_a_robot_with_a_new_name_is_still_stopped_on_the_port_that_both_configurations_name(
+    tmp_path: Path, before: str, after: str, port: str
+) -> None:
+    named(tmp_path, port, before).engage("a query")
+    (tmp_path / f"port@{quote(port, safe='')}").touch()
+    assert named(tmp_path, port, after).load() == "a query"
+    named(tmp_path, port, after).release()
+    assert named(tmp_path, port, before).load() is None
+    assert [path.name[:5] for path in tmp_path.iterdir()] == ["port@"]
 
 
 @pytest.mark.skipif(os.getuid() != 0, reason="only root makes a device, and could remove one")

@@ -93,18 +93,18 @@ class LatchFile:
     def _files(self) -> list[Path]:
         """This file, and those beside it that may be the same board's under another name.
 
-        A daemon that looks for its port may find any board on USB, and a port has several names.
-        Raises FileNotFoundError without a folder.
+        A daemon that looks for its port may find any board on USB. A port has several names, and is
+        one board's in whatever namespace. Raises FileNotFoundError without a folder.
         """
         if self._port is None:
             return [self._path]
-        stem = self._path.name.partition("@")[0]
-        others = []
+        stem, found = self._path.name.partition("@")[0], [self._path]
         for name in sorted(os.listdir(self._path.parent)):
             start, _, port = name.partition("@")
-            if start == stem and name != self._path.name and _may_be(self._port, unquote(port)):
-                others.append(self._path.with_name(name))
-        return [self._path, *others]
+            same = start == stem or (port and self._port and start.partition(".")[0] == "estop")
+            if same and name != self._path.name and _may_be(self._port, unquote(port)):
+                found.append(self._path.with_name(name))
+        return found
 
     def _sweep(self, folder: Path) -> None:
         for name in os.listdir(folder):
