@@ -184,6 +184,25 @@ def mover(*moves: Move) -> Mover:
     return Mover(moves, Pose2d(), BASE, LagModel())
 
 
+@pytest.mark.parametrize(("apart_s", "late"), [(0.02, ""), (0.15, "Poses came up to 0.15 s apart")])
+def test_a_base_that_stands_short_of_its_goal_is_said_to_and_whether_poses_came_late(
+    apart_s: float, late: str
+) -> None:
+    short = mover(Move(kind="straight", distance_m=0.5))
+    x, vx, now_ns = 0.0, 0.0, 0
+    while short.ended is None:
+        lands = short._leg is not None and short._leg.lands
+        now_ns += round(1e9 * (apart_s if lands else 0.02))
+        # The last millimetres it does not drive.
+        x = 0.494 if lands else x + 0.02 * vx
+        twist = short.step(Pose2d(x=x, y=0.0, theta=0.0), now_ns)
+        vx = vx if twist is None else twist.vx
+    assert short.ended.reason == "short"
+    assert short.ended.message.startswith("The base stands 6.0 mm from its goal")
+    assert ("apart" in short.ended.message) == bool(late)
+    assert late in short.ended.message
+
+
 def test_it_commands_at_fifty_hertz_however_often_poses_come() -> None:
     made = mover(Move(kind="straight", distance_m=1.0))
     answers = [made.step(Pose2d(), step * 5_000_000) for step in range(40)]

@@ -20,6 +20,10 @@ STEP_NS = 20_000_000
 
 LONGEST_STEP_S = 0.1
 
+LATE_NS = 60_000_000
+"""Poses that come this far apart make the corrections at the end of a leg too long: about one move
+in fifty ends short then."""
+
 
 class MoveProgress(msgspec.Struct, frozen=True, kw_only=True):
     """The progress of a list of moves.
@@ -74,6 +78,7 @@ class Mover:
         self._twist = STANDSTILL
         self._advanced_ns: int | None = None
         self._stepped_ns: int | None = None
+        self._apart_ns = 0
         self._pose = begin
         lag.forget_pose()
 
@@ -123,6 +128,8 @@ class Mover:
         since_s = STEP_NS / NS_PER_S
         if self._stepped_ns is not None:
             since_s = min(LONGEST_STEP_S, (now_ns - self._stepped_ns) / NS_PER_S)
+            lands = self._leg is not None and self._leg.lands
+            self._apart_ns = max(self._apart_ns, now_ns - self._stepped_ns) if lands else 0
         self._stepped_ns = now_ns
         twist = self._next(pose, since_s)
         if twist is not None:
@@ -171,9 +178,16 @@ class Mover:
         planned = self._legs[self._number]
         left = leg.left(pose)
         words = f"{1000.0 * left:.1f} mm" if planned.course else f"{math.degrees(left):.2f} degrees"
+        late = ""
+        if self._apart_ns >= LATE_NS:
+            late = (
+                f" Poses came up to {self._apart_ns / NS_PER_S:.2f} s apart meanwhile: the machine "
+                "or the network is too busy for small corrections."
+            )
         self.end(
             "short",
-            f"The base stands {words} from its goal, and small commands do not move it there.",
+            f"The base stands {words} from its goal, and small commands do not move it "
+            f"there.{late}",
         )
 
     @property
