@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import os
 import shutil
 import signal
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -61,7 +63,7 @@ def main(arguments: list[str]) -> int:
         parser.error(f"no fault is called {', '.join(unknown)}; there are {', '.join(known)}")
     if kinds and args.dialect and WITHOUT[args.dialect].issuperset(kinds):
         parser.error(f"a {args.dialect} board does not go through {', '.join(kinds)}")
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    ending = ends_when_asked()
     # A shell's background jobs ignore it, and the daemon would inherit that.
     signal.signal(signal.SIGQUIT, signal.SIG_DFL)
     folder = Path(tempfile.mkdtemp(prefix="yahboomd-soak-"))
@@ -71,7 +73,8 @@ def main(arguments: list[str]) -> int:
     course = Course(folder, args.seed, ledger, args.dialect or DIALECTS[0])
     try:
         with contextlib.suppress(KeyboardInterrupt):
-            drive(course, args.minutes * 60.0, kinds, [args.dialect] if args.dialect else DIALECTS)
+            dialects = [args.dialect] if args.dialect else DIALECTS
+            drive(course, args.minutes * 60.0, kinds, dialects, ending)
     finally:
         facts = finish(course)
         facts["boxes"], unreadable = black_boxes(folder / "state" / "blackbox")
@@ -89,7 +92,32 @@ def main(arguments: list[str]) -> int:
     return 1 if ledger.failures or ledger.too_late else 0
 
 
-def drive(course: Course, for_s: float, kinds: list[str], dialects: Sequence[str]) -> None:
+def ends_when_asked() -> threading.Event:
+    """What the first SIGINT or SIGTERM sets; the second one interrupts.
+
+    Between two faults nothing is half done. An interrupt within ``Popen.wait`` may leave its lock
+    taken, and the next wait for that process would never end.
+    """
+    asked = threading.Event()
+
+    def ask(*_: object) -> None:
+        if asked.is_set():
+            raise KeyboardInterrupt
+        asked.set()
+        os.write(2, b"soak: it ends after this fault; ask again to end it at once\n")
+
+    signal.signal(signal.SIGINT, ask)
+    signal.signal(signal.SIGTERM, ask)
+    return asked
+
+
+def drive(
+    course: Course,
+    for_s: float,
+    kinds: list[str],
+    dialects: Sequence[str],
+    ending: threading.Event,
+) -> None:
     """Inject fault after fault until the time is over, on boards of alternating dialects."""
     began = time.monotonic()
     course.kind = "start"
@@ -97,11 +125,13 @@ def drive(course: Course, for_s: float, kinds: list[str], dialects: Sequence[str
     course.compare()
     for number, segment in enumerate(segments(course.random, kinds, dialects)):
         changed = time.monotonic()
+        if ending.is_set():
+            return
         if number:
             another_board(course, segment.dialect)
         for turn in segment.turns:
             now = time.monotonic()
-            if now - began > for_s:
+            if ending.is_set() or now - began > for_s:
                 return
             if now - changed > for_s / len(dialects):
                 # A short run still sees all dialects.
