@@ -264,6 +264,8 @@ def main() -> None:
         "--clocks", action="store_true", help="instead: wall clocks step, and the move drives on"
     )
     args = parser.parse_args()
+    # A shell's background jobs ignore it, and every program that they start.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     if args.clocks and shutil.which("cc") is None:
         parser.error("--clocks needs a C compiler")
     print("| lost | the wheels stood | at worst after |\n|---|---|---|")

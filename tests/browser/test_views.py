@@ -144,6 +144,24 @@ def test_on_its_side_the_pad_is_whole_and_still_and_the_stop_is_pressed_in_every
 
 
 @LONG
+@pytest.mark.parametrize("size", [PHONE, SMALL_ON_ITS_SIDE])
+def test_the_chosen_view_is_in_the_row_of_views_after_the_text_was_enlarged(
+    bench: PageBench, page: Page, size: tuple[int, int]
+) -> None:
+    page.resize(*size, phone=True)
+    for view in (VIEWS[-1], VIEWS[1]):
+        enlarge(page, 100)
+        show(page, view)
+        page.until(f"document.querySelector('#{view}')?.hidden === false")
+        enlarge(page, 200)
+        page.until(
+            "(() => { const row = document.getElementById('views').getBoundingClientRect();"
+            " const tab = document.querySelector('#views [aria-current]').getBoundingClientRect();"
+            " return tab.left >= row.left - 1 && tab.right <= row.right + 1; })()"
+        )
+
+
+@LONG
 @pytest.mark.parametrize("size", [ON_ITS_SIDE, SMALL_ON_ITS_SIDE])
 @pytest.mark.parametrize("percent", [100, 200])
 def test_on_its_side_axe_finds_nothing_at_either_size_of_text_while_it_is_stopped(

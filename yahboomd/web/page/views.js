@@ -42,7 +42,10 @@ export class Views {
     app.live.on("hello", (hello) => this.#findCamera(Boolean(hello.camera)));
     app.live.on("hello", (hello) => this.#findFleet(Boolean(hello.fleet)));
     for (const each of [WIDE, ASIDE]) each.addEventListener("change", () => this.#open());
-    addEventListener("resize", () => document.querySelector("#views [aria-current]")?.scrollIntoView({ block: "nearest", inline: "center" }));
+    // Also after the text was enlarged, which is no resize of the window.
+    const row = document.getElementById("views");
+    const sizes = new ResizeObserver(() => row.querySelector("[aria-current]")?.scrollIntoView({ block: "nearest", inline: "center" }));
+    for (const each of [row, ...this.links]) sizes.observe(each);
     this.#open();
   }
 
