@@ -341,10 +341,10 @@ def boxes(robots: Robots) -> State:
         page.says("#state", "emergency stop")
         robots.plain.recover()
         show(page, "boxes")
-        page.says(".files", "Emergency stop")
+        page.says(".boxes .files", "Emergency stop")
         page.evaluate("document.querySelectorAll('.boxes .files li button')[0].click()")
         there(page, ".story table")
-        yield page, nothing
+        yield page, lambda: page.evaluate("document.querySelector('.story').scrollIntoView()")
 
 
 def phones(robots: Robots) -> State:

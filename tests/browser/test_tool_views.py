@@ -292,6 +292,17 @@ def test_a_recording_is_made_downloaded_and_removed(bench: PageBench, tmp_path: 
         assert page.problems() == []
 
 
+@LONG
+def test_a_box_that_is_saved_while_its_view_is_opened_is_listed_without_another_event(
+    bench: PageBench,
+) -> None:
+    with bench.page() as page:
+        page.tap("#estop")
+        page.says("#state", "emergency stop")
+        page.evaluate("location.hash = '#boxes'")
+        page.says(".boxes .files", "Emergency stop")
+
+
 def test_an_emergency_stop_is_listed_explained_and_downloaded_and_a_box_is_saved_now(
     bench: PageBench, tmp_path: Path
 ) -> None:

@@ -66,6 +66,24 @@ async def test_a_file_that_is_no_box_is_said_to_be_none(boxes: PageBoxes) -> Non
     assert found["lines"] == []
 
 
+async def test_a_list_is_as_old_as_its_beginning(
+    boxes: PageBoxes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is saved while a slow machine makes one is in the next."""
+    ask = boxes._ask
+
+    async def slowly(arguments: list[str]) -> tuple[int, str, str]:
+        answer = await ask(arguments)
+        boxes._clock.ns += page_boxes.KNOWN_NS  # type: ignore[attr-defined]
+        return answer
+
+    monkeypatch.setattr(boxes, "_ask", slowly)
+    await boxes.listed()
+    later = NAME.replace("7", "8", 1)
+    (tmp_path / "boxes" / f"{later}.blackbox").write_bytes(b"none either")
+    assert await boxes.file(later) is not None
+
+
 async def test_no_more_than_some_wait_for_their_turn(
     boxes: PageBoxes, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -105,7 +105,8 @@ class PageBoxes:
         self._problem = f"{denied} cannot be read by this page's server." if denied else ""
         if status:
             self._problem = words or "The black boxes cannot be listed."
-        self._listed_ns = self._clock.now_ns()
+        # What was saved while it was made may be missing.
+        self._listed_ns = now_ns
 
     async def _ask(self, arguments: Sequence[str]) -> tuple[int, str, str]:
         if self._waiting >= WAITING:

@@ -7,7 +7,7 @@ const REASONS = {
   crash: "A fault of yahboomd itself", killed: "The daemon was killed", asked: "Saved on demand",
 };
 const KINDS = { running: "The last minute, in memory", left: "The daemon was killed" };
-const SOON_MS = 3000; // A box is saved a second after the robot stopped.
+const SAVED_MS = [3000, 62000]; // A second after the robot stopped, or a minute after the box before.
 
 export function create({ live, connection }) {
   const save = el("button", { type: "button", onclick: () => saveNow() }, "Save the last minute now");
@@ -15,7 +15,7 @@ export function create({ live, connection }) {
   const state = el("p", { class: "note" }); // Apart: a list that is read again takes no answer away.
   const list = el("ul", { class: "files" });
   let shown = "";
-  let soon = 0;
+  let soon = [];
 
   async function saveNow() {
     save.disabled = true;
@@ -73,10 +73,12 @@ export function create({ live, connection }) {
     }
   }
 
-  live.on("event", () => {
-    clearTimeout(soon);
-    soon = setTimeout(() => element.hidden || read(), SOON_MS);
-  });
+  function readSoon() {
+    soon.forEach(clearTimeout);
+    soon = SAVED_MS.map((ms) => setTimeout(() => element.hidden || read(), ms));
+  }
+
+  live.on("event", readSoon);
   live.on("hello", () => element.hidden || read());
   const element = el(
     "section",
@@ -84,5 +86,9 @@ export function create({ live, connection }) {
     el("div", { class: "card" }, el("h2", {}, "Why did it stop?"), el("p", { class: "note" }, "The last minute of the robot is kept, and saved when something stops it: an emergency stop, a fault, a lost board."), save, words, state),
     list,
   );
-  return { element, show: read, hide: () => {} };
+  const show = () => {
+    read();
+    readSoon(); // It may have stopped just now, before this view was there to hear of it.
+  };
+  return { element, show, hide: () => {} };
 }
