@@ -121,7 +121,7 @@ firmware: $(VENV)/.firmware ## the control path on the vendors' own firmwares, w
 	@$(PY) make/firmware.py $(ARGS)
 
 firmware-long: $(VENV)/.firmware ## the simulated boards beside the firmwares, with 10^5 random commands and more (half an hour)
-	@YAHBOOMD_FIRMWARE_LONG=1 $(PY) make/firmware.py -rP $(ARGS)
+	@PYTEST_TIMEOUT=7200 YAHBOOMD_FIRMWARE_LONG=1 $(PY) make/firmware.py -rP $(ARGS)
 
 metrics: $(VENV)/.dev ## real Prometheus scrapes a real daemon: the page, alerts and the dashboard's queries (apt install prometheus)
 	$(PYTEST) tests/metrics tests/prometheus tests/cli/test_metrics.py tests/cli/test_robot_poll.py $(ARGS)
