@@ -54,7 +54,7 @@ def watch(folder: Path) -> tuple[Path, subprocess.Popen[bytes]]:
         process = subprocess.Popen(command, stdout=out)
     atexit.register(process.wait)
     atexit.register(process.kill)
-    while not said.stat().st_size:
+    while process.poll() is None and not said.stat().st_size:
         time.sleep(0.01)
     return said, process
 

@@ -21,8 +21,8 @@ STEP_NS = 20_000_000
 LONGEST_STEP_S = 0.1
 
 LATE_NS = 60_000_000
-"""Poses that come this far apart make the corrections at the end of a leg too long: about one move
-in fifty ends short then."""
+"""A correction lasts until the next pose. Of simulated moves whose poses came this late on average,
+2 of 96 ended short."""
 
 
 class MoveProgress(msgspec.Struct, frozen=True, kw_only=True):
