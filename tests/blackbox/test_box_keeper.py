@@ -291,6 +291,27 @@ async def test_what_an_earlier_daemon_left_is_saved_one_a_minute(tmp_path: Path)
 
 
 @on_virtual_time
+async def test_a_stop_waits_for_no_box_of_an_earlier_daemon(tmp_path: Path) -> None:
+    with rig_in(tmp_path) as first:
+        await asyncio.sleep(0.1)
+        for _ in range(2):
+            RingFile(first.rings, header(first.config, first.clock)).close(keep=True)
+    with rig_in(tmp_path) as rig:
+        await rig.until(1)
+        began_ns = rig.clock.now_ns()
+        rig.event("estop")
+        await rig.until(2)
+        assert (rig.clock.now_ns() - began_ns) * 1e-9 < 2.0
+        assert rig.reasons[1] == ("estop",)
+        assert (
+            "s ago (" + rig.box.status_values()["blackbox_last"]
+            in (await rig.box.save_now()).message
+        )
+        await rig.until(4)
+        assert rig.reasons[2:] == [("asked",), ("killed",)]
+
+
+@on_virtual_time
 async def test_a_crash_within_a_minute_of_another_is_left_for_the_next_start(
     tmp_path: Path,
 ) -> None:

@@ -89,6 +89,7 @@ class BoxKeeper:
         self._saving: tuple[str, ...] = ()
         self._due_ns = 0
         self._saved_ns: int | None = None
+        self._adopted_ns: int | None = None
         self._last = ""
         self._newest = ("", "")
         """What became of the newest save, in words, and its name or the problem."""
@@ -217,21 +218,34 @@ class BoxKeeper:
     def _schedule(self) -> None:
         if self._writer.busy or not (self._reasons or self._writer.left):
             return
-        due_ns = self._due_ns if self._reasons else 0
-        if self._saved_ns is not None:
-            due_ns = max(due_ns, self._saved_ns + nanoseconds(AGAIN_S))
-        self._alarm.set(max(due_ns, self._clock.now_ns()))
+        now_ns = self._clock.now_ns()
+        due_ns = self._own_due_ns() if self._reasons else self._left_due_ns()
+        if self._writer.left:
+            due_ns = min(due_ns, self._left_due_ns())
+        self._alarm.set(max(due_ns, now_ns))
+
+    def _own_due_ns(self) -> int:
+        """A box of its own waits for no ring of an earlier daemon: a person may wait for it."""
+        if self._saved_ns is None:
+            return self._due_ns
+        return max(self._due_ns, self._saved_ns + nanoseconds(AGAIN_S))
+
+    def _left_due_ns(self) -> int:
+        written = [each for each in (self._saved_ns, self._adopted_ns) if each is not None]
+        return max(written) + nanoseconds(AGAIN_S) if written else 0
 
     def _save(self) -> None:
         """Save it now; afterwards the rings that were left behind, one by one."""
         file = self._file
         if self._writer.busy or file is None:
             return
-        self._saved_ns = self._clock.now_ns()
-        self._newest = ("began to be saved", "it is not done yet")
-        if not self._reasons:
-            self._writer.adopt(self._recorders.guarded(NAME, partial(self._finished, ())))
+        now_ns = self._clock.now_ns()
+        if self._writer.left and (not self._reasons or now_ns < self._own_due_ns()):
+            self._adopted_ns = now_ns
+            self._writer.adopt(self._recorders.guarded(NAME, self._adopted))
             return
+        self._saved_ns = now_ns
+        self._newest = ("began to be saved", "it is not done yet")
         reasons, self._reasons = tuple(self._reasons), []
         self._saving = reasons
         asked, self._asked = tuple(self._asked), []
@@ -250,6 +264,11 @@ class BoxKeeper:
             if 0 <= age_ns < nanoseconds(AGAIN_S):
                 self._saved_ns = self._clock.now_ns() - age_ns
                 self._newest = ("was saved", "by an earlier daemon")
+        self._schedule()
+
+    def _adopted(self, outcome: BoxOutcome) -> None:
+        if outcome.path is not None:
+            self._last = outcome.path.name
         self._schedule()
 
     def _finished(self, asked: tuple[asyncio.Future[BoxOutcome], ...], outcome: BoxOutcome) -> None:

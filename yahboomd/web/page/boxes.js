@@ -7,7 +7,7 @@ const REASONS = {
   crash: "A fault of yahboomd itself", killed: "The daemon was killed", asked: "Saved on demand",
 };
 const KINDS = { running: "The last minute, in memory", left: "The daemon was killed" };
-const SAVED_MS = [3000, 62000]; // A second after the robot stopped, or a minute after the box before.
+const KNOWN_MS = 2100; // The server shows a list again that is younger than two seconds.
 
 export function create({ live, connection }) {
   const save = el("button", { type: "button", onclick: () => saveNow() }, "Save the last minute now");
@@ -15,7 +15,8 @@ export function create({ live, connection }) {
   const state = el("p", { class: "note" }); // Apart: a list that is read again takes no answer away.
   const list = el("ul", { class: "files" });
   let shown = "";
-  let soon = [];
+  let newest;
+  let soon;
 
   async function saveNow() {
     save.disabled = true;
@@ -38,7 +39,7 @@ export function create({ live, connection }) {
       shown = rows;
       write(state, problem || (boxes.length ? "" : "There is none yet: nothing has stopped the robot for a reason."));
     } catch {
-      // The next event asks again.
+      // The next box asks again.
     }
   }
 
@@ -74,11 +75,15 @@ export function create({ live, connection }) {
   }
 
   function readSoon() {
-    soon.forEach(clearTimeout);
-    soon = SAVED_MS.map((ms) => setTimeout(() => element.hidden || read(), ms));
+    clearTimeout(soon);
+    soon = setTimeout(() => element.hidden || read(), KNOWN_MS);
   }
 
-  live.on("event", readSoon);
+  live.on("status", ({ sample }) => {
+    // A second after the robot stopped, or a minute after the box before: its daemon says when.
+    if (sample.command.blackbox_last !== newest) readSoon();
+    newest = sample.command.blackbox_last;
+  });
   live.on("hello", () => element.hidden || read());
   const element = el(
     "section",
@@ -88,7 +93,7 @@ export function create({ live, connection }) {
   );
   const show = () => {
     read();
-    readSoon(); // It may have stopped just now, before this view was there to hear of it.
+    readSoon(); // One may have been saved just now.
   };
   return { element, show, hide: () => {} };
 }
