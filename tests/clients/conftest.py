@@ -149,15 +149,22 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 
 @pytest.fixture
-def service(robot: RealRobot, client: Callable[..., Client]) -> Iterator[Process]:
+def namespace(request: pytest.FixtureRequest) -> str:
+    """The namespace of the test's robot: none, or the test's parameter."""
+    return getattr(request, "param", "")
+
+
+@pytest.fixture
+def service(robot: RealRobot, client: Callable[..., Client], namespace: str) -> Iterator[Process]:
     """`yahboomd moves`, once it knows the test's robot."""
-    process = Process("moves", "--connect", robot.endpoint)
+    process = Process("moves", "--connect", robot.endpoint, "--set", f"zenoh.namespace={namespace}")
+    key = f"{namespace}/yahboomd/moves/start".lstrip("/")
     asking = client("client", robot.endpoint)
     # It refuses what goes nowhere, and before that for the lack of poses.
     nowhere = b'{"moves": [{"kind": "straight", "distance_m": 0.0}]}'
 
     def knows() -> bool:
-        for reply in asking.session.get("yahboomd/moves/start", payload=nowhere, timeout=5.0):
+        for reply in asking.session.get(key, payload=nowhere, timeout=5.0):
             if reply.ok is not None:
                 words = json.loads(bytes(reply.ok.payload))["message"]
                 return "No poses" not in words and "No daemon" not in words

@@ -31,8 +31,8 @@ LONG = pytest.mark.skipif(
 
 
 @pytest.fixture
-def robot(real_robot: Callable[..., RealRobot]) -> RealRobot:
-    made = real_robot(run=["--set", "faults.stall=report"])
+def robot(real_robot: Callable[..., RealRobot], namespace: str) -> RealRobot:
+    made = real_robot(run=["--set", "faults.stall=report", "--set", f"zenoh.namespace={namespace}"])
     made.daemon.says("Connected")
     return made
 
@@ -95,16 +95,22 @@ def driving(program: Any, robot: RealRobot) -> Any:
     return running
 
 
+@pytest.mark.parametrize("namespace", ["", pytest.param("bot1", marks=LONG)], indirect=True)
 def test_a_square_of_moves_ends_where_it_began(
-    program: Any, robot: RealRobot, service: Process, client: Callable[..., Client]
+    program: Any,
+    robot: RealRobot,
+    service: Process,
+    client: Callable[..., Client],
+    namespace: str,
 ) -> None:
-    application = client("client", robot.endpoint)
+    keys = f"{namespace}/yahboomd".lstrip("/")
+    application = client("client", robot.endpoint, keys)
 
     def run() -> Attempt:
-        done = program.run("moves", str(SIDE_M), robot=robot.endpoint)
+        done = program.run("moves", str(SIDE_M), robot=robot.endpoint, namespace=namespace)
         if done.code == 0:
             return Attempt(done, disturbed=False)
-        reason = application.ask("yahboomd/moves").get("reason", "")
+        reason = application.ask(f"{keys}/moves").get("reason", "")
         assert done.code in {NO_DAEMON, WILL_NOT_MOVE}, done
         assert reason in BUSY, (done, reason)
         return Attempt(done, disturbed=True)
