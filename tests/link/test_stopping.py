@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import random
 from collections.abc import Iterator
 
 import pytest
@@ -43,7 +44,10 @@ class Scene:
     def data(self, data: bytes) -> None:
         if self.late is not None:
             self.late.append(data)
-            return
+        else:
+            self.hear(data)
+
+    def hear(self, data: bytes) -> None:
         for item in self.framer.feed(data):
             decoded = self.dialect.decode(item)
             if isinstance(decoded, Totals) and not self.deaf:
@@ -127,6 +131,33 @@ async def test_counts_that_come_late_and_one_by_one_end_in_no_false_verdict(at_m
     assert report.stood is True
     assert max(scene.speeds) < 0.03
     await holding
+
+
+@pytest.mark.parametrize("seed", [*range(6), 138, 304])
+@on_virtual_time
+async def test_counts_that_dribble_in_again_and_again_end_in_no_false_verdict(seed: int) -> None:
+    """Each time that they look like standstill, more come of wheels that turned."""
+    chance = random.Random(seed)
+    scene = Scene("streamed")
+    await scene.drive()
+    scene.late = late = []
+
+    async def dribble() -> None:
+        for _ in range(chance.randint(4, 16)):
+            await asyncio.sleep(chance.choice((0.02, 0.05, 0.1, 0.15, 0.3)))
+            for _ in range(chance.randint(1, 8)):
+                if late:
+                    scene.hear(late.pop(0))
+                await asyncio.sleep(chance.choice((0.0, 0.0, 0.005, 0.02)))
+        scene.late = None
+        for data in late:
+            scene.hear(data)
+
+    dribbling = asyncio.create_task(dribble())
+    report = await scene.rest()
+    assert report.stood is True
+    assert max(scene.speeds) < 0.03
+    dribbling.cancel()
 
 
 @on_virtual_time

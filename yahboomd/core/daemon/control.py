@@ -345,9 +345,7 @@ class Controller:
         self._blind_s = self._options.blind_s if dialect.poll is not None else BLIND_S
         self._starts_s = dialect.starts_within_s
         self._odometer.set_sample_period(
-            dialect.sample_period_ns,
-            each_line=dialect.renews_with_each_line,
-            age_ns=dialect.age_ns,
+            dialect.sample_period_ns, each_line=dialect.renews_with_each_line, age_ns=dialect.age_ns
         )
         found = fit(
             identity,

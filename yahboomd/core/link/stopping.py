@@ -243,17 +243,19 @@ async def bring_to_rest(
         held = await words.send(dialect.cut)
         if not braked:
             until_ns = await watching.until_still(dialect.cut, COAST_WITHIN_S, again=held)
-    for last in (False, True):
+    stop = dialect.cut or dialect.brake
+    late_until_ns = clock.now_ns() + nanoseconds(COAST_WITHIN_S)
+    while True:
         await words.send(*dialect.disarm)
         # A stop is the last frame, and the last of a burst: it is sent again if it was held up.
-        if await words.send(dialect.cut or dialect.brake):
-            await words.send(dialect.cut or dialect.brake)
-        if last or not braked or watch.standing:
+        if await words.send(stop):
+            await words.send(stop)
+        left_s = seconds(late_until_ns - clock.now_ns())
+        if not braked or watch.standing or left_s <= 0.0:
             break
         # Counts that come late, and one by one, look like standstill until all have come.
         watch.reset()
-        stop = dialect.cut or dialect.brake
-        until_ns = await watching.until_still(stop, COAST_WITHIN_S, again=True)
+        until_ns = await watching.until_still(stop, left_s, again=True)
     if words.gave_up:
         # Dropping it may cut a frame in half, and half a frame swallows the stop.
         port.discard()
