@@ -222,7 +222,7 @@ async def bring_to_rest(
 ) -> StopReport:
     """Brake until the counters stand, release the motors, end the streams, and drain.
 
-    Bounded: 2 s, and another :data:`GIVE_UP_S` on a port that does not send.
+    Bounded: 3 s, and another :data:`GIVE_UP_S` on a port that does not send.
 
     Args:
         port: The open port; decoded counts must still reach ``watch``.
@@ -239,19 +239,19 @@ async def bring_to_rest(
     watching = _Watching(words, clock, dialect, watch)
     until_ns = await watching.until_still(brake, STAND_WITHIN_S, again=held)
     brakes, braked = 1 + watching.said, watch.standing
+    stop = dialect.cut or dialect.brake
     if dialect.cut is not None:
         held = await words.send(dialect.cut)
-        if not braked:
-            until_ns = await watching.until_still(dialect.cut, COAST_WITHIN_S, again=held)
-    stop = dialect.cut or dialect.brake
-    late_until_ns = clock.now_ns() + nanoseconds(COAST_WITHIN_S)
+    if not braked:
+        until_ns = await watching.until_still(stop, COAST_WITHIN_S, again=held)
+    late_ns = clock.now_ns() + nanoseconds(COAST_WITHIN_S if braked or watch.standing else 0.0)
     while True:
         await words.send(*dialect.disarm)
         # A stop is the last frame, and the last of a burst: it is sent again if it was held up.
         if await words.send(stop):
             await words.send(stop)
-        left_s = seconds(late_until_ns - clock.now_ns())
-        if not braked or watch.standing or left_s <= 0.0:
+        left_s = seconds(late_ns - clock.now_ns())
+        if watch.standing or left_s <= 0.0:
             break
         # Counts that come late, and one by one, look like standstill until all have come.
         watch.reset()
