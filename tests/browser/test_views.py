@@ -230,6 +230,7 @@ def test_neither_a_stop_nor_its_words_move_or_cover_the_pad_and_they_grow_with_t
     page.until("document.querySelector('.pad').clientWidth > 190")
     before = box(page, ".pad")
     assert covered(page, ".pad") == spills(page) == []
+    assert not cut(page, "header")
     assert sizes_of_text(page) == pytest.approx([each * percent / 100 for each in usual])
     page.click("#estop")
     page.until(RELEASABLE)
@@ -253,8 +254,8 @@ def test_map_and_joystick_are_used_together_on_a_wide_screen(
     before = page.text(".where")
     bench.press(page)
     page.until(f"document.querySelector('.where').innerText !== {json.dumps(before)}")
-    bench.stops_after(page.lift)
     wait_for(lambda: page.evaluate(INK), "the path is drawn")
+    bench.stops_after(page.lift)
     # A finger on the map moves the map alone.
     x, y = page.middle("canvas.map")
     page.touch((x, y))
