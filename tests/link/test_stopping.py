@@ -133,15 +133,12 @@ async def test_counts_that_come_late_and_one_by_one_end_in_no_false_verdict(at_m
     await holding
 
 
-@pytest.mark.parametrize("dialect", ["streamed", "polled"])
 @pytest.mark.parametrize("seed", [0, 110, 124, 137, 141, 193])
 @on_virtual_time
-async def test_counts_that_stall_again_and_again_end_in_no_false_verdict(
-    seed: int, dialect: str
-) -> None:
+async def test_counts_that_stall_again_and_again_end_in_no_false_verdict(seed: int) -> None:
     """Each time that they look like standstill, more come of wheels that turned."""
     chance = random.Random(seed)
-    scene = Scene(dialect)
+    scene = Scene("streamed")
     await scene.drive()
 
     async def stall() -> None:
@@ -280,6 +277,28 @@ async def test_it_ends_in_bounded_time_whatever_the_board_does() -> None:
     report = await scene.rest()
     assert report.stood is not True
     assert LoopClock().now_ns() - start_ns < 2_000_000_000
+
+
+@on_virtual_time
+async def test_a_port_that_stalls_again_while_late_counts_deny_the_standstill_is_given_up() -> None:
+    line = Line()
+    scene = Scene("streamed", line)
+    await scene.drive()
+    line.stall(2.2)
+
+    async def trouble() -> None:
+        await asyncio.sleep(2.35)
+        line.stall(10.0)
+        for ticks in range(0, 40_000, 40):
+            scene.watch.add((ticks,) * 4, LoopClock().now_ns())
+            await asyncio.sleep(0.01)
+
+    start_ns = LoopClock().now_ns()
+    in_trouble = asyncio.create_task(trouble())
+    report = await scene.rest()
+    assert not report.flushed
+    assert LoopClock().now_ns() - start_ns < 3_500 * MS
+    in_trouble.cancel()
 
 
 # Do the wheels stand?

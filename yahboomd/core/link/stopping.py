@@ -242,8 +242,8 @@ async def bring_to_rest(
     stop = dialect.cut or dialect.brake
     if dialect.cut is not None:
         held = await words.send(dialect.cut)
-    if not braked:
-        until_ns = await watching.until_still(stop, COAST_WITHIN_S, again=held)
+        if not braked:
+            until_ns = await watching.until_still(stop, COAST_WITHIN_S, again=held)
     late_ns = clock.now_ns() + nanoseconds(COAST_WITHIN_S if braked or watch.standing else 0.0)
     while True:
         await words.send(*dialect.disarm)
@@ -251,7 +251,7 @@ async def bring_to_rest(
         if await words.send(stop):
             await words.send(stop)
         left_s = seconds(late_ns - clock.now_ns())
-        if watch.standing or left_s <= 0.0:
+        if watch.standing or words.gave_up or left_s <= 0.0:
             break
         # Counts that come late, and one by one, look like standstill until all have come.
         watch.reset()
