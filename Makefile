@@ -120,7 +120,7 @@ $(VENV)/.firmware: pyproject.toml make/bootstrap.py $(VENV)/.dev
 firmware: $(VENV)/.firmware ## the control path on the vendors' own firmwares, whose files YAHBOOMD_FIRMWARE names (SHORT=1: the same)
 	@$(PY) make/firmware.py $(ARGS)
 
-firmware-long: $(VENV)/.firmware ## the simulated boards beside the firmwares, with 10^5 random commands and more (half an hour)
+firmware-long: $(VENV)/.firmware ## the simulated boards beside the firmwares, with 10^5 random commands and more (an hour or two)
 	@PYTEST_TIMEOUT=7200 YAHBOOMD_FIRMWARE_LONG=1 $(PY) make/firmware.py -rP $(ARGS)
 
 metrics: $(VENV)/.dev ## real Prometheus scrapes a real daemon: the page, alerts and the dashboard's queries (apt install prometheus)
