@@ -254,6 +254,15 @@ def test_a_wheel_creeps_from_30_mm_per_second_on(sign: float) -> None:
     assert judged(sign * 0.03, [sign * 0.03] * 61, ticks=7) == []
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_wheel_that_is_commanded_to_creep_may_do_so_faster(sign: float) -> None:
+    still = "turns_without_command"
+    assert judged(sign * 0.0275, [sign * 0.057] * 100, ticks=7) == []
+    assert judged(sign * 0.0275, [sign * 0.058] * 61, ticks=7) == [(610, still)]
+    # Against its command, or for none, it may not.
+    assert judged(sign * 0.0275, [sign * -0.03] * 61, ticks=7) == [(610, still)]
+
+
 def test_a_wheel_outside_its_bounds_is_accused_after_40_ms_unless_it_loses_4_percent() -> None:
     assert judged(0.0, [1.0] * 5) == [(50, "runaway_fast")]
     assert judged(0.0, [1.0, 1.0, 1.0, 1.0, 0.97]) == [(50, "runaway_fast")]

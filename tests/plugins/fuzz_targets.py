@@ -50,8 +50,7 @@ from yahboomd.core.protocol.four_channel.framing import (
     LineFramer,
     TextLine,
 )
-from yahboomd.core.protocol.four_channel.polled import MAX_SPEED
-from yahboomd.core.protocol.four_channel.stored import units_per_m_s
+from yahboomd.core.protocol.four_channel.stored import MAX_SPEED, units_per_m_s
 from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.core.protocol.settings import BoardSettings, writes

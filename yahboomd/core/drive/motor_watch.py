@@ -250,7 +250,8 @@ class MotorWatch:
 
     def _creeping(self, now_ns: int, speed: float) -> Fault | None:
         still = self._high < STANDING_M_S and self._low > -STANDING_M_S
-        if not still or abs(speed) < STANDING_M_S:
+        # Commanded to creep, it may do so faster: a slow motor swings about its command.
+        if not still or abs(speed) - abs(slowest(speed, self._commanded or 0.0)) < STANDING_M_S:
             self._creeping_ns = None
             self._known.discard("turns_without_command")
             return None

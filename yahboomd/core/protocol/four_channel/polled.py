@@ -10,25 +10,12 @@ from typing import Final
 
 import msgspec
 
-from yahboomd.core.model import Kinematics, Motor
-from yahboomd.core.protocol.dialect import Decoded, Dialect, Totals, Units
+from yahboomd.core.protocol.dialect import Decoded, Totals, Units
 from yahboomd.core.protocol.four_channel.fields import command, totals
-from yahboomd.core.protocol.four_channel.framing import RESYNC, Frame, LineFramer, TextLine
-from yahboomd.core.protocol.four_channel.stored import (
-    AFTER_ANSWER_NS,
-    BAUDRATE,
-    MAILBOX_NS,
-    MAX_M_S,
-    TITLE,
-    USB_IDS,
-    motion,
-)
+from yahboomd.core.protocol.four_channel.framing import Frame, TextLine
+from yahboomd.core.protocol.four_channel.stored import MAX_SPEED, FourChannel
 from yahboomd.core.protocol.four_channel.texts import Meanings, decode_item
-from yahboomd.core.protocol.per_motor import PerMotor
 from yahboomd.core.protocol.profiles import MotorProfile
-from yahboomd.core.protocol.settings import BoardSettings
-
-MAX_SPEED: Final = 1000
 
 ARM_REPEATS: Final = 3
 """A command without an answer may get lost on a noisy line; it is sent this often."""
@@ -37,19 +24,12 @@ _FRAMES: Final[Meanings] = {"data": totals}
 _BRAKE: Final = command("speed", (0, 0, 0, 0), MAX_SPEED)
 
 
-class Polled(Dialect, frozen=True, kw_only=True):
+class Polled(FourChannel, frozen=True, kw_only=True):
     """The board of the article."""
 
     name: str = "polled"
-    title: str = TITLE
-    resync: bytes = RESYNC
     spacing_ns: int = 0
     totals_spacing_ns: int = 0
-    question_spacing_ns: int = MAILBOX_NS
-    answer_spacing_ns: int = AFTER_ANSWER_NS
-    baudrate: int = BAUDRATE
-    usb_ids: tuple[str, ...] = USB_IDS
-    fastest_m_s: float = MAX_M_S
     brake: bytes = _BRAKE
     probe: bytes | None = b"$read#"
     poll: bytes | None = b"$read#"
@@ -57,9 +37,6 @@ class Polled(Dialect, frozen=True, kw_only=True):
     poll_bytes: int = 57
     # A 520. If it is lost, only wheels that do not turn show it.
     arm: tuple[bytes, ...] = (b"$mtype:1#",) * ARM_REPEATS
-
-    def framer(self) -> LineFramer:
-        return LineFramer()
 
     def speeds(self, units: Units) -> bytes:
         """Permille of the article's scale, about mm/s: -1000..1000."""
@@ -71,16 +48,6 @@ class Polled(Dialect, frozen=True, kw_only=True):
 
     def recognises(self, item: Frame | TextLine) -> bool:
         return isinstance(self.decode(item), Totals)
-
-    def motion(
-        self,
-        kinematics: Kinematics,
-        motors: tuple[Motor, ...],
-        settings: BoardSettings | None,
-        *,
-        scale: float,
-    ) -> PerMotor:
-        return motion(kinematics, motors, settings, scale=scale, max_command=MAX_SPEED)
 
     def for_profile(self, profile: MotorProfile) -> Polled:
         if (motor_type := profile.stored.get("motor_type")) is None:

@@ -12,7 +12,8 @@ from typing import Final
 
 from yahboomd.core.errors import BoardError
 from yahboomd.core.model import Kinematics, Motor
-from yahboomd.core.protocol.dialect import Findings
+from yahboomd.core.protocol.dialect import Dialect, Findings
+from yahboomd.core.protocol.four_channel.framing import RESYNC, LineFramer
 from yahboomd.core.protocol.per_motor import PerMotor, per_motor
 from yahboomd.core.protocol.profiles import EDGES_PER_LINE, PROFILES, MotorProfile
 from yahboomd.core.protocol.settings import (
@@ -24,18 +25,8 @@ from yahboomd.core.protocol.settings import (
 
 TITLE: Final = "Yahboom 4-channel motor driver"
 
-BAUDRATE: Final = 115_200
-USB_IDS: Final = ("1a86:7523", "1a86:7522")
-
-MAX_M_S: Final = 1.0
-"""Both dialects take speeds up to 1000, about mm/s."""
-
-MAILBOX_NS: Final = 20_000_000
-"""The distance from the last byte of a question to the first of a velocity, unless an answer came
-before: the board has answered by then (isolated commands at this distance: none lost)."""
-
-AFTER_ANSWER_NS: Final = 2_000_000
-"""The board clears its mailbox after an answer, a moment after the last byte."""
+MAX_SPEED: Final = 1000
+"""Both dialects take speeds up to this, about mm/s."""
 
 UNITS_PER_M_S: Final = 1000.0
 """Command units of one metre per second if the board's settings fit the wheel, and in the article's
@@ -251,26 +242,38 @@ def units_per_m_s(
     return ticks_per_m * board_mm_per_tick * scale
 
 
-def motion(
-    kinematics: Kinematics,
-    motors: tuple[Motor, ...],
-    settings: BoardSettings | None,
-    *,
-    scale: float,
-    max_command: int,
-) -> PerMotor:
-    """The commands that turn these wheels: a speed for each motor.
+class FourChannel(Dialect, frozen=True, kw_only=True):
+    """What both dialects of this board have in common."""
 
-    Raises:
-        BoardError: As :func:`units_per_m_s` does.
-    """
-    units = tuple(
-        units_per_m_s(
-            settings,
-            radius_m=motor.radius_m,
-            ticks_per_revolution=motor.ticks_per_revolution,
-            scale=scale,
+    title: str = TITLE
+    resync: bytes = RESYNC
+    # From the last byte of a question to the first of a velocity, unless an answer came before: the
+    # board has answered by then (isolated commands at this distance: none lost).
+    question_spacing_ns: int = 20_000_000
+    # The board clears its mailbox after an answer, a moment after the last byte.
+    answer_spacing_ns: int = 2_000_000
+    baudrate: int = 115_200
+    usb_ids: tuple[str, ...] = ("1a86:7523", "1a86:7522")
+    fastest_m_s: float = MAX_SPEED / 1000.0
+
+    def framer(self) -> LineFramer:
+        return LineFramer()
+
+    def motion(
+        self,
+        kinematics: Kinematics,
+        motors: tuple[Motor, ...],
+        settings: BoardSettings | None,
+        *,
+        scale: float,
+    ) -> PerMotor:
+        units = tuple(
+            units_per_m_s(
+                settings,
+                radius_m=motor.radius_m,
+                ticks_per_revolution=motor.ticks_per_revolution,
+                scale=scale,
+            )
+            for motor in motors
         )
-        for motor in motors
-    )
-    return per_motor(kinematics, motors, units, max_command)
+        return per_motor(kinematics, motors, units, MAX_SPEED)

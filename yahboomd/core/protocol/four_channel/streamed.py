@@ -10,12 +10,10 @@ import operator
 from functools import lru_cache
 from typing import Final
 
-from yahboomd.core.model import Kinematics, Motor
 from yahboomd.core.protocol.dialect import (
     Battery,
     Decoded,
     Deltas,
-    Dialect,
     Findings,
     Speeds,
     Units,
@@ -28,24 +26,17 @@ from yahboomd.core.protocol.four_channel.fields import (
     totals,
     volts,
 )
-from yahboomd.core.protocol.four_channel.framing import RESYNC, Frame, LineFramer, TextLine
+from yahboomd.core.protocol.four_channel.framing import Frame, TextLine
 from yahboomd.core.protocol.four_channel.stored import (
-    AFTER_ANSWER_NS,
-    BAUDRATE,
-    MAILBOX_NS,
-    MAX_M_S,
+    MAX_SPEED,
     TABLE,
-    TITLE,
-    USB_IDS,
+    FourChannel,
     findings,
-    motion,
 )
 from yahboomd.core.protocol.four_channel.texts import Meanings, decode_item
-from yahboomd.core.protocol.per_motor import PerMotor
 from yahboomd.core.protocol.profiles import MotorProfile
 from yahboomd.core.protocol.settings import BoardSettings, StoredSetting
 
-MAX_SPEED: Final = 1000
 MAX_PWM: Final = 3600
 
 _STILL: Final = (0, 0, 0, 0)
@@ -78,20 +69,13 @@ _FRAMES: Final[Meanings] = {
 }
 
 
-class Streamed(Dialect, frozen=True, kw_only=True):
+class Streamed(FourChannel, frozen=True, kw_only=True):
     """The board as it is sold."""
 
     name: str = "streamed"
-    title: str = TITLE
-    resync: bytes = RESYNC
     # With all streams and long numbers 10 ms lost up to 19 % of the commands, 20 ms none.
     spacing_ns: int = 20_000_000
     totals_spacing_ns: int = 10_000_000
-    question_spacing_ns: int = MAILBOX_NS
-    answer_spacing_ns: int = AFTER_ANSWER_NS
-    baudrate: int = BAUDRATE
-    usb_ids: tuple[str, ...] = USB_IDS
-    fastest_m_s: float = MAX_M_S
     loop_ns: int = 10_000_000
     most_output: int = MAX_PWM
     sample_period_ns: int | None = 10_000_000
@@ -105,9 +89,6 @@ class Streamed(Dialect, frozen=True, kw_only=True):
     battery: bytes | None = b"$read_vol#"
     read_settings: tuple[bytes, ...] = (b"$read_flash#",)
     settings: tuple[StoredSetting, ...] = TABLE
-
-    def framer(self) -> LineFramer:
-        return LineFramer()
 
     def speeds(self, units: Units) -> bytes:
         """Closed loop, in mm/s by the board's settings: -1000..1000."""
@@ -131,13 +112,3 @@ class Streamed(Dialect, frozen=True, kw_only=True):
 
     def findings(self, settings: BoardSettings, profile: MotorProfile) -> Findings:
         return findings(settings, profile)
-
-    def motion(
-        self,
-        kinematics: Kinematics,
-        motors: tuple[Motor, ...],
-        settings: BoardSettings | None,
-        *,
-        scale: float,
-    ) -> PerMotor:
-        return motion(kinematics, motors, settings, scale=scale, max_command=MAX_SPEED)
