@@ -6,7 +6,16 @@ import pytest
 
 from yahboomd.moves.motion.landing import LONGEST_S, PULSES, Landing, RollOn, Tolerance
 
-TOLERANCE = Tolerance(end=0.001, near=0.002, still=0.0002, creep=0.01, pulse=0.03)
+TOLERANCE = Tolerance(
+    end=0.001,
+    aim=0.0003,
+    short=0.004,
+    near=0.002,
+    passed=0.004,
+    still=0.0002,
+    creep=0.01,
+    pulse=0.03,
+)
 DT_S = 0.02
 
 

@@ -29,14 +29,21 @@ class Tolerance(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         end: The largest remaining error.
-        near: The largest before the next leg of the same move, which corrects it.
+        aim: How far short of its end a base is to roll: a little short is better than too far.
+        short: A base that stands farther from its end did not reach it.
+        near: How far from its end a base may come to rest, by its model, before the next leg of the
+            same move, which corrects that.
+        passed: How far from its end it may still be then.
         still: A base that moves by less stands.
         creep: The least speed towards the end: below it a wheel may not turn at all.
         pulse: The speed of a correction.
     """
 
     end: float
+    aim: float
+    short: float
     near: float
+    passed: float
     still: float
     creep: float
     pulse: float
@@ -103,8 +110,7 @@ class Landing:
         if self._rests_s < (max(ENDS_S, ENDS * motor_s) if there else STANDS_S):
             return 0.0
         if self._kind == "landing":
-            # A little short is better than a little too far.
-            self._rolls.learn("landing", 0.3 * end - left)
+            self._rolls.learn("landing", self._tolerance.aim - left)
         elif self._way * (self._began_at - left) > still:
             lost = self._spent - self._way * (self._began_at - left)
             self._rolls.learn(self._kind, lost - getattr(self._rolls, self._kind))

@@ -28,22 +28,31 @@ Axis: TypeAlias = Literal[0, 1, 2]
 
 LOOK_AHEAD_M = 0.12
 
-WAY = Tolerance(end=0.0013, near=0.0032, still=0.0003, creep=0.012, pulse=0.035)
+WAY = Tolerance(
+    end=0.0013,
+    aim=0.0004,
+    short=0.005,
+    near=0.008,
+    passed=0.024,
+    still=0.0003,
+    creep=0.012,
+    pulse=0.035,
+)
 TURN = Tolerance(
     end=math.radians(0.15),
-    near=math.radians(0.43),
+    aim=math.radians(0.045),
+    short=math.radians(0.6),
+    near=math.radians(3.0),
+    passed=math.radians(9.0),
     still=math.radians(0.09),
     creep=0.12,
     pulse=0.35,
 )
-FREE = msgspec.structs.replace(WAY, near=0.0015)
+FREE = msgspec.structs.replace(WAY, near=0.002, passed=0.002)
 """A turn in place that follows cannot correct an error to the side."""
 
 ACROSS_PER_S = 4.0
 """The decay rate of errors across the course and of the heading, for a base that moves sideways."""
-
-SHORT = 4.0
-"""A base that stands this many tolerances from its end did not reach it."""
 
 KEEP_PER_S, KEEP_M_S = 4.0, 0.06
 """How fast a base that turns comes back to its place."""
@@ -66,6 +75,7 @@ class MoveLeg:
         tolerance: The tolerances of its end.
         axis: The axis along which it is driven.
         last: Whether the base has to stand at its end.
+        slack: How many times the largest remaining error is allowed.
     """
 
     def __init__(
@@ -76,16 +86,17 @@ class MoveLeg:
         tolerance: Tolerance,
         axis: Axis,
         last: bool,
+        slack: float,
     ) -> None:
         self.limits = limits
         self._last = last
         self._lag = lag
         self._axis: Axis = axis
-        self._tolerance = tolerance
+        self._tolerance = msgspec.structs.replace(tolerance, end=slack * tolerance.end)
         self._speed = 0.0
         self._rate = 0.0
         self._landed = False
-        self._landing = Landing(tolerance, lag.rolls[axis])
+        self._landing = Landing(self._tolerance, lag.rolls[axis])
 
     @property
     def lands(self) -> bool:
@@ -149,12 +160,14 @@ class MoveLeg:
         return max(self._speed, min(self._tolerance.creep, left / dt_s))
 
     def is_near(self, pose: Pose2d) -> bool:
-        """Whether the rest of it is small, and the base rolls to its end."""
-        return self._landed and abs(self.left(pose)) <= self._tolerance.near
+        """Whether the base rolls to about its end, and is nearly there."""
+        rest = self.left(self._lag.predicted(pose, ROLL))
+        within = abs(self.left(pose)) <= self._tolerance.passed
+        return within and abs(rest) <= self._tolerance.near
 
     def is_short(self, pose: Pose2d) -> bool:
-        """Whether it ended farther from its end than its tolerance, after all corrections."""
-        return self._last and abs(self.left(pose)) > SHORT * self._tolerance.end
+        """Whether it ended too far from its end, after all corrections."""
+        return self._last and abs(self.left(pose)) > self._tolerance.short
 
 
 class TurnLeg(MoveLeg):
@@ -168,9 +181,16 @@ class TurnLeg(MoveLeg):
     """
 
     def __init__(
-        self, limits: SpeedLimits, lag: LagModel, *, begin: Pose2d, goal: float, last: bool
+        self,
+        limits: SpeedLimits,
+        lag: LagModel,
+        *,
+        begin: Pose2d,
+        goal: float,
+        last: bool = True,
+        slack: float = 1.0,
     ) -> None:
-        super().__init__(limits, lag, tolerance=TURN, axis=2, last=last)
+        super().__init__(limits, lag, tolerance=TURN, axis=2, last=last, slack=slack)
         self._begin = begin
         self._goal = goal
         self._sign = math.copysign(1.0, goal - begin.theta)
@@ -213,8 +233,9 @@ class CourseLeg(MoveLeg):
         look_ahead_m: float = LOOK_AHEAD_M,
         least_radius_m: float = 0.0,
         last: bool = True,
+        slack: float = 1.0,
     ) -> None:
-        super().__init__(limits, lag, tolerance=WAY, axis=0, last=last)
+        super().__init__(limits, lag, tolerance=WAY, axis=0, last=last, slack=slack)
         self._course = course
         self._sign = -1.0 if backward else 1.0
         self._reach = look_ahead_m
@@ -263,10 +284,13 @@ class FreeLeg(MoveLeg):
         headings: Sequence[tuple[float, float]],
         turn: SpeedLimits,
         last: bool = True,
+        slack: float = 1.0,
     ) -> None:
         begin, first = course.at(0.0), headings[0][1]
         sideways = abs(math.sin(begin.direction - first)) > math.sqrt(0.5)
-        super().__init__(limits, lag, tolerance=FREE, axis=1 if sideways else 0, last=last)
+        super().__init__(
+            limits, lag, tolerance=FREE, axis=1 if sideways else 0, last=last, slack=slack
+        )
         self._course = course
         self._headings = list(headings)
         self._caps = BendCaps(course, limits, turn)

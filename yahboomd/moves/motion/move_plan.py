@@ -26,6 +26,9 @@ FACES_RAD = math.radians(2.0)
 NEAR_M = 0.02
 """A path whose first point is this near begins at the base."""
 
+SLACK = 2.0
+"""A place is reached within 5 mm and 0.5 degrees; a way or a turn is driven more exactly."""
+
 FARTHEST_M = 1e7
 LEAST_LIMIT, LEAST_RADIUS_M = 1e-3, 1e-3
 """A limit, or the radius of an arc, that is smaller is a mistake."""
@@ -49,6 +52,7 @@ class PlannedLeg(msgspec.Struct, frozen=True, kw_only=True):
         headings: On a base that moves sideways: the heading by the metres of the course.
         look_ahead_m: As in the move.
         least_radius_m: Of the base.
+        slack: How many times the error of a way or a turn is allowed at its end.
     """
 
     move: int
@@ -61,6 +65,7 @@ class PlannedLeg(msgspec.Struct, frozen=True, kw_only=True):
     headings: tuple[tuple[float, float], ...] = ()
     look_ahead_m: float = LOOK_AHEAD_M
     least_radius_m: float = 0.0
+    slack: float = 1.0
 
     @property
     def length(self) -> float:
@@ -85,7 +90,14 @@ class PlannedLeg(msgspec.Struct, frozen=True, kw_only=True):
     def drive(self, lag: LagModel, *, last: bool) -> MoveLeg:
         """Make the controller of this leg."""
         if self.course is None:
-            return TurnLeg(self.limits, lag, begin=self.begin, goal=self.end.theta, last=last)
+            return TurnLeg(
+                self.limits,
+                lag,
+                begin=self.begin,
+                goal=self.end.theta,
+                last=last,
+                slack=self.slack,
+            )
         if self.headings:
             return FreeLeg(
                 self.limits,
@@ -94,6 +106,7 @@ class PlannedLeg(msgspec.Struct, frozen=True, kw_only=True):
                 headings=self.headings,
                 turn=self.turn,
                 last=last,
+                slack=self.slack,
             )
         return CourseLeg(
             self.limits,
@@ -104,6 +117,7 @@ class PlannedLeg(msgspec.Struct, frozen=True, kw_only=True):
             look_ahead_m=self.look_ahead_m,
             least_radius_m=self.least_radius_m,
             last=last,
+            slack=self.slack,
         )
 
 
@@ -361,6 +375,7 @@ class _Planner:
                 headings=headings,
                 look_ahead_m=self._move.look_ahead_m or LOOK_AHEAD_M,
                 least_radius_m=self._base.least_radius_m,
+                slack=SLACK if self._move.kind == "go_to" else 1.0,
             )
         )
 

@@ -147,7 +147,7 @@ class Mover:
             passes = self._is_passed and not self._paused and self._leg.is_near(pose)
             if twist is not None and not passes:
                 return twist
-            if self._leg.is_short(pose):
+            if not passes and self._leg.is_short(pose):
                 self._end_short(self._leg, pose)
                 return None
             self._leg = None
