@@ -44,7 +44,7 @@ run: $(VENV)/.run ## start daemon, page and moves: on a simulated board, or on a
 	@exec $(PY) make/make_run.py $(if $(PORT),--port $(PORT)) $(ARGS)
 
 ##@ Check a change
-.PHONY: quick single-rooms test check lint types imports schemas schemas-check
+.PHONY: quick single-rooms test check grids lint types imports schemas schemas-check
 quick: $(VENV)/.dev ## in a minute: lint, types, imports, tests of single rooms without processes
 	@$(MAKE) --no-print-directory -j lint types imports single-rooms
 
@@ -61,6 +61,10 @@ check: $(VENV)/.dev ## the same in the environment that is there
 .PHONY: compiled
 compiled: $(VENV)/.dev
 	@$(PYTEST) -q --collect-only $(REST) $(ARGS) >/dev/null 2>&1 || true
+
+grids: $(VENV)/.dev ## every case of the tests of which `make test` takes a share: faults at all times, on all lines (ten minutes)
+	YAHBOOMD_GRIDS=1 $(PYTEST) $(PARALLEL) -m share tests $(ARGS)
+	YAHBOOMD_GRIDS=1 $(PYTEST) tests/benchmarks/test_command_line.py $(ARGS)
 
 lint: $(VENV)/.dev ## style and format
 	$(BIN)/ruff check .

@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, settings
 from real_robot import client, real_robot
+from shares import pytest_collection_modifyitems
 from standstill import pytest_runtest_protocol, pytest_terminal_summary
 from zenoh_fixtures import zenoh_router
 
@@ -108,6 +109,7 @@ def pytest_collection() -> Iterator[None]:
 
 __all__ = [
     "client",
+    "pytest_collection_modifyitems",
     "pytest_runtest_protocol",
     "pytest_terminal_summary",
     "real_robot",

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import ast
+import functools
 import io
 import re
 import tokenize
+from collections import defaultdict
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -49,9 +51,18 @@ def test_the_core_does_not_grow() -> None:
     assert lines_of((ROOT / "yahboomd/core").rglob("*.py")) <= MOST_LINES_OF_THE_CORE
 
 
+@functools.cache
+def texts_of_tests() -> dict[str, list[str]]:
+    """The texts of all tests, by the name of their file."""
+    found: dict[str, list[str]] = defaultdict(list)
+    for path in (ROOT / "tests").rglob("test_*.py"):
+        found[path.name].append(path.read_text())
+    return found
+
+
 @pytest.mark.parametrize("source", SOURCES, ids=str)
 def test_every_source_file_has_tests_of_its_own_name(source: Path) -> None:
-    texts = [path.read_text() for path in (ROOT / "tests").rglob(f"test_{source.name}")]
+    texts = texts_of_tests()[f"test_{source.name}"]
     assert any(re.search(r"^(async )?def test_", text, re.MULTILINE) for text in texts)
 
 

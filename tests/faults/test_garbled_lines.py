@@ -53,6 +53,7 @@ class Witness:
         return most > 1.5 * abs(wish) + 0.1 or (wish * seen < 0.0 and most > 0.03)
 
 
+@pytest.mark.share(3)
 @pytest.mark.parametrize("share", [0.01, 0.05])
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("dialect", DIALECTS)

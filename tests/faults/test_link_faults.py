@@ -79,6 +79,7 @@ async def test_unseen_wheels_of_a_stream_are_stopped_as_soon_however_seldom_othe
         assert first_stop_ns(bench.orders_since(now_ns)) - now_ns <= 350 * MS
 
 
+@pytest.mark.share(2)
 @pytest.mark.parametrize("fault", ["mute 0.8", "mute 3", "babble 3", "hang"])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
@@ -102,6 +103,7 @@ async def test_unseen_wheels_are_stopped_after_300_ms(
         assert alive(bench)
 
 
+@pytest.mark.share(3)
 @pytest.mark.parametrize("fault", ["mute 0.8", "mute 3", "babble 3", "brown-out 0.5", "reset"])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
@@ -118,6 +120,7 @@ async def test_a_board_that_is_heard_again_drives_again_by_itself(
         assert alive(bench)
 
 
+@pytest.mark.share(3)
 @pytest.mark.parametrize("stopped_s", [None, 0.0, 0.05, 0.2])
 @pytest.mark.parametrize("for_s", [0.3, 0.6, 0.8])
 @pytest.mark.parametrize("dialect", ["streamed", "polled"])
@@ -162,6 +165,7 @@ async def test_a_board_that_hangs_needs_a_reset_and_drives_after_it(
 # A line that garbles.
 
 
+@pytest.mark.share(2)
 @pytest.mark.parametrize("noise", ["loss 0.2", "loss 0.05", "corruption 0.2", "corruption 0.02"])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time

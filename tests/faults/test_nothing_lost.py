@@ -228,6 +228,7 @@ SEQUENCES = [(DIALECTS[seed % 2], seed) for seed in range(20)]
 SEQUENCES += [(dialect, seed) for dialect in OURS_ALONE for seed in range(30, 45)]
 
 
+@pytest.mark.share(3)
 @pytest.mark.parametrize(("dialect", "seed"), SEQUENCES)
 @on_virtual_time
 async def test_no_sequence_of_faults_makes_the_pose_jump_or_the_covariance_shrink(

@@ -76,6 +76,7 @@ AT_ONCE = [
 ]
 
 
+@pytest.mark.share(2)
 @pytest.mark.parametrize("dialect", EVERY_DIALECT)
 @pytest.mark.parametrize("end", AT_ONCE)
 @on_virtual_time

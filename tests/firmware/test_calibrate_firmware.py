@@ -25,7 +25,7 @@ SCALE, RATIO, TRACK = 1.03, 1.01, 1.04
 TAPE = TapeRuns(straight_m=1.0, speed_m_s=0.3, turn_speed_rad_s=2.0, turns=1)
 SQUARES = SquareRuns(side_m=0.5, count=1, straight_m=1.0, speed_m_s=0.3, turn_speed_rad_s=2.0)
 RUNS = {"tape": TAPE, "squares": SQUARES} if LONG else {"tape": TAPE}
-TRIED = of_all(MOTORS, every=2, first=2)
+TRIED = of_all(MOTORS, every=4, first=2)
 
 
 @pytest.fixture

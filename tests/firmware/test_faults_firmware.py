@@ -83,7 +83,7 @@ async def test_silence_stops_the_wheels_by_the_deadman(tmp_path: Path) -> None:
         assert not ACCUSED & {*bench.heard.kinds}
 
 
-@pytest.mark.parametrize("away_s", [0.5, 3.0])
+@pytest.mark.parametrize("away_s", of_all([0.5, 3.0], every=2))
 @on_virtual_time
 async def test_after_a_replug_the_first_word_is_a_stop_and_it_drives_again(
     tmp_path: Path, away_s: float
@@ -144,7 +144,7 @@ async def test_a_starved_process_accuses_nothing_and_stops_what_ran_out_meanwhil
         assert not ACCUSED & {*bench.heard.kinds}
 
 
-@pytest.mark.parametrize("loss", [0.005, 0.02])
+@pytest.mark.parametrize("loss", of_all([0.02, 0.005], every=2))
 @on_virtual_time
 async def test_a_line_that_loses_bytes_latches_no_fault_and_obeys_an_estop(
     tmp_path: Path, loss: float

@@ -86,7 +86,7 @@ DEAD_ZONES = (0, 1600, 1900, 2150)
 
 @pytest.mark.parametrize(
     ("dead", "dead_zone", "motor"),
-    of_all(itertools.product([False, True], DEAD_ZONES, KINDS), every=3),
+    of_all(itertools.product([False, True], DEAD_ZONES, KINDS), every=5),
 )
 @on_virtual_time
 async def test_no_wheel_turns_more_than_half_a_turn_in_a_pulse_and_one_in_all(
@@ -102,7 +102,7 @@ async def test_no_wheel_turns_more_than_half_a_turn_in_a_pulse_and_one_in_all(
 
 @pytest.mark.parametrize(
     ("dead_zone", "motor"),
-    of_all(itertools.product(DEAD_ZONES, [*MOTORS, "35 %, 550 rev/min"]), every=3),
+    of_all(itertools.product(DEAD_ZONES, [*MOTORS, "35 %, 550 rev/min"]), every=5),
 )
 @on_virtual_time
 async def test_an_encoder_that_fails_after_its_motor_was_tried_lets_it_turn_once_at_most(

@@ -36,7 +36,7 @@ async def test_probe_reads_all_that_the_board_knows_and_writes_nothing() -> None
     assert not commands & {b"mtype", b"deadzone", b"mline", b"mphase", b"wdiameter", b"MPID"}
 
 
-@pytest.mark.parametrize("motor", ["35 %, quick", "44 %, lazy", "54 %, 550 rev/min"])
+@pytest.mark.parametrize("motor", of_all(MOTORS, every=6, first=5))
 @on_virtual_time
 async def test_a_whole_setup_finds_four_wheels_however_they_are_connected(motor: str) -> None:
     plugs = (3, -1, -4, 2)
@@ -48,7 +48,7 @@ async def test_a_whole_setup_finds_four_wheels_however_they_are_connected(motor:
 
 
 @pytest.mark.parametrize(
-    ("motor", "at_rest"), of_all(itertools.product(MOTORS, ["auto", "hold"]), every=3)
+    ("motor", "at_rest"), of_all(itertools.product(MOTORS, ["auto", "hold"]), every=7)
 )
 @on_virtual_time
 async def test_tape_sees_the_wheels_come_to_rest(tmp_path: Path, motor: str, at_rest: str) -> None:

@@ -11,7 +11,7 @@ from yahboomd.simulation.virtual_time import on_virtual_time
 pytestmark = ON_THE_FIRMWARE
 
 
-@pytest.mark.parametrize("motor", of_all(MOTORS, every=3, first=1))
+@pytest.mark.parametrize("motor", of_all(MOTORS, every=3, first=4))
 @on_virtual_time
 async def test_each_motor_follows_better_after_three_writes_at_most(motor: str) -> None:
     result = await TuningBench(options=MOTORS[motor]).tune()
