@@ -16,6 +16,17 @@ def nested() -> list:
     ("text", "words"),
     [
         ("[serail]\n", 'serail: unknown section; did you mean "serial"?'),
+        (
+            "[chassis]\nwheel_diamter = 0.065\n",
+            (
+                "chassis.wheel_diamter: unknown key; did you mean "
+                '"wheel_radius_m", half of the diameter?'
+            ),
+        ),
+        (
+            "[chassis]\ntrack_width_m = 0.15\n",
+            'chassis.track_width_m: unknown key; did you mean "wheel_separation_m"?',
+        ),
         ("[command]\ntimeout = 1.0\n", 'command.timeout: unknown key; did you mean "timeout_s"?'),
         ("[command]\nframe_id = 'x'\n", 'command.frame_id: unknown key; "frame_id" belongs to'),
         ("motors = 3\n", 'motors: unknown section; "motors" belongs to [chassis]'),

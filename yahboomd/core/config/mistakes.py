@@ -13,6 +13,12 @@ from yahboomd.core.config.values import Place, dotted, inline
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
+_OTHER_NAMES = {
+    "wheel_diameter": ("wheel_radius_m", ", half of the diameter"),
+    "track_width": ("wheel_separation_m", ""),
+}
+"""Keys by the names that others give them."""
+
 _NO_QUOTES = " (a number takes no quotes)"
 _HINTS = {
     "string_type": " (text needs quotes)",
@@ -72,8 +78,10 @@ def _unknown(place: Place) -> str:
         entries = dotted(inside[0][: inside[0].index(ANY)])
         keys = ", ".join(schema.node_at(inside[0])["properties"])
         return f'{words}; "{name}" belongs to each entry of {entries}, {{ {keys} }}'
-    if close := difflib.get_close_matches(str(name).lower(), known, n=1):
-        return f'{words}; did you mean "{close[0]}"?'
+    others = {other: own for other, own in _OTHER_NAMES.items() if own[0] in known}
+    if close := difflib.get_close_matches(str(name).lower(), [*known, *others], n=1):
+        own, how = others.get(close[0], (close[0], ""))
+        return f'{words}; did you mean "{own}"{how}?'
     if sections := [f"[{home[0]}]" for home in homes if len(home) == 1]:
         return f'{words}; "{name}" belongs to {" or ".join(sections)}'
     return f"{words}; known here: {', '.join(known)}"

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import logging
 from collections.abc import Callable
+from functools import partial
 from typing import Any, TypeVar
 
 log = logging.getLogger(__name__)
@@ -31,14 +32,16 @@ class Recorders:
         self,
         name: str,
         function: Callable[..., Result],
+        /,
         *arguments: object,
         default: Any = None,  # noqa: ANN401 - as the function
+        **named: object,
     ) -> Any:  # noqa: ANN401 - what the function returns, or the default
         """Call a part; returns ``default`` if it fails, or is switched off."""
         if self._off and name in self._off:
             return default
         try:
-            return function(*arguments)
+            return function(*arguments, **named)
         except (SystemExit, KeyboardInterrupt):
             raise
         except BaseException as error:  # noqa: BLE001 - a panic of Zenoh's is no Exception
@@ -46,19 +49,7 @@ class Recorders:
             return default
 
     def guarded(self, name: str, function: Callable[..., Result]) -> Callable[..., Any]:
-
-        def call(*arguments: object, **named: object) -> Any:  # noqa: ANN401 - as the function
-            if self._off and name in self._off:
-                return None
-            try:
-                return function(*arguments, **named)
-            except (SystemExit, KeyboardInterrupt):
-                raise
-            except BaseException as error:  # noqa: BLE001 - a panic of Zenoh's is no Exception
-                self._switch_off(name, error)
-                return None
-
-        return call
+        return partial(self.call, name, function)
 
     def guard(self, name: str, part: object) -> None:
         for each in dir(part):
