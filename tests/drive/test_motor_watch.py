@@ -259,6 +259,12 @@ def test_a_wheel_that_is_commanded_to_creep_may_do_so_faster(sign: float) -> Non
     still = "turns_without_command"
     assert judged(sign * 0.0275, [sign * 0.057] * 100, ticks=7) == []
     assert judged(sign * 0.0275, [sign * 0.058] * 61, ticks=7) == [(610, still)]
+    # What it may do excuses no time before and after.
+    watch, found = MotorWatch("left", 0.08, 0, None), []
+    for n in range(1, 100):
+        watch.command(n * 10 * MS, sign * 0.011 if n % 10 == 5 else 0.0)
+        found += watch.measure((n - 1) * 10 * MS, n * 10 * MS, sign * 0.04, 7, 0.0, held_up=False)
+    assert [fault.kind for fault in found] == [still]
     # Against its command, or for none, it may not.
     assert judged(sign * 0.0275, [sign * -0.03] * 61, ticks=7) == [(610, still)]
 

@@ -170,13 +170,15 @@ def test_a_wheel_that_slows_down_is_overdue_after_0_6_s_and_never_accused(
     assert watch.state == "stopped"
 
 
-def test_a_slow_wheel_that_gains_speed_first_and_then_slows_down_is_not_accused(
-    watch: StopWatch,
+@pytest.mark.parametrize("from_m_s", [0.0, -0.05, 0.05])
+def test_a_wheel_that_was_stopped_in_a_reversal_swings_and_is_not_accused(
+    watch: StopWatch, from_m_s: float
 ) -> None:
-    # A motor with a lag of 0.3 s, stopped in the middle of a reversal: it gains 0.07 m/s within
-    # 0.3 s, and shows 0.051 m/s after 0.6 s.
+    # A motor with a lag of 0.3 s: it gains 0.07 m/s within 0.3 s, and loses it slowly.
     def swings(t: float) -> float:
-        return 0.07 * math.sin(math.pi * t / 0.6) if t < 0.3 else 0.07 * math.exp((0.3 - t) / 0.95)
+        if t < 0.3:
+            return from_m_s * (1.0 - t / 0.1) if t < 0.1 else 0.35 * (t - 0.1)
+        return 0.07 * math.exp((0.3 - t) / 0.95)
 
     assert follow(watch, swings) == []
     assert watch.state == "stopped"
@@ -187,6 +189,12 @@ def test_a_slow_wheel_that_keeps_its_speed_is_accused_at_once(
     watch: StopWatch, speed: float, accused: list[int]
 ) -> None:
     assert follow(watch, lambda _: speed) == accused
+
+
+def test_a_wheel_that_begins_to_turn_after_the_stop_is_accused_600_ms_after_the_cut(
+    watch: StopWatch,
+) -> None:
+    assert follow(watch, lambda t: min(0.5, t)) == [1200, 2200]
 
 
 def test_a_wheel_that_slowed_down_and_then_turns_on_is_accused_600_ms_after_the_cut(

@@ -11,7 +11,7 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from functools import partial
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import msgspec
 import zenoh
@@ -107,9 +107,12 @@ class BusPublisher:
         self._cache = cache
         self._last: deque[tuple[bytes, bytes | None]] = deque(maxlen=cache)
         self._outlets: list[_Outlet] = []
-        self._encoding = encoding
-        self._priority = PRIORITIES[priority]
-        self._express = express
+        self._options: dict[str, Any] = {
+            "encoding": encoding,
+            "congestion_control": DROP,
+            "priority": PRIORITIES[priority],
+            "express": express,
+        }
         # Sessions report changes in their own threads.
         self._changing = threading.Lock()
         self.has_subscribers = False
@@ -117,23 +120,14 @@ class BusPublisher:
     def attach(self, session: zenoh.Session) -> None:
         """Publish in this session too; the samples of a cache are put there at once."""
         if not self._cache:
-            publisher = session.declare_publisher(
-                self.key,
-                encoding=self._encoding,
-                congestion_control=DROP,
-                priority=self._priority,
-                express=self._express,
-            )
+            publisher = session.declare_publisher(self.key, **self._options)
             self._outlets.append(_Outlet(publisher, self._changed))
             self._changed()
             return
         advanced = zenoh.ext.declare_advanced_publisher(
             session,
             self.key,
-            encoding=self._encoding,
-            congestion_control=DROP,
-            priority=self._priority,
-            express=self._express,
+            **self._options,
             cache=zenoh.ext.CacheConfig(self._cache),
             # Subscribers that look for late publishers find this one by its token.
             publisher_detection=True,

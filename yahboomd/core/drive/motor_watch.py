@@ -172,7 +172,7 @@ class MotorWatch:
         steady = slowest(low, high)
         found = (
             self._runaway(now_ns, proven),
-            self._creeping(now_ns, speed),
+            self._creeping(before_ns, now_ns, speed),
             self._silence(now_ns - before_ns, steady, ticks, slow_start, held_up=held_up),
             self._off_speed(now_ns, speed),
         )
@@ -248,12 +248,16 @@ class MotorWatch:
         against = speed * (self._commanded or 0.0) < 0.0
         return self._new("runaway_against" if against else "runaway_fast", "cut", speed)
 
-    def _creeping(self, now_ns: int, speed: float) -> Fault | None:
+    def _creeping(self, before_ns: int, now_ns: int, speed: float) -> Fault | None:
         still = self._high < STANDING_M_S and self._low > -STANDING_M_S
-        # Commanded to creep, it may do so faster: a slow motor swings about its command.
-        if not still or abs(speed) - abs(slowest(speed, self._commanded or 0.0)) < STANDING_M_S:
+        if not still or abs(speed) < STANDING_M_S:
             self._creeping_ns = None
             self._known.discard("turns_without_command")
+            return None
+        if abs(speed) - abs(slowest(speed, self._commanded or 0.0)) < STANDING_M_S:
+            # Commanded to creep, it may do so faster: a slow motor swings about its command.
+            if self._creeping_ns is not None:
+                self._creeping_ns += now_ns - before_ns
             return None
         if self._creeping_ns is None:
             self._creeping_ns = now_ns

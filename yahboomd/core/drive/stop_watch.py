@@ -9,6 +9,7 @@ that swings through zero also shows a slow one) nor motion (a digit may be garbl
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
@@ -28,9 +29,8 @@ STAND_WITHIN_NS = 600_000_000
 SETTLED_NS = 30_000_000
 # Under the board's loop an obedient wheel has lost far more than this of its speed within 0.6 s.
 SLOWED = 0.7
-# A wheel that was let go is slowed by its friction alone, a slow one by what is left of the loop's
-# output: stopped in the middle of a reversal, a motor with a lag of 0.3 s first gains 0.07 m/s.
-ROLLS_OUT, SLOW_M_S = 0.9, 0.1
+# A wheel that was let go is slowed by its friction alone.
+ROLLS_OUT = 0.9
 ROLLS_NS = 1_000_000_000
 """From the cut of a disobedient wheel to the next look at it."""
 SILENT_NS = 300_000_000
@@ -88,7 +88,13 @@ class StopWatch:
             return self.state
         self._latest.append(tuple(measured_m_s))
         self._measured_ns = stamp_ns
-        self._fastest = tuple(map(max, self._fastest, map(abs, measured_m_s)))
+        # A wheel that stood since the stop swings: the next look judges it. A motor with a lag of
+        # 0.3 s that is stopped in the middle of a reversal gains 0.07 m/s first.
+        stopping = self.state == "stopping"
+        self._fastest = tuple(
+            math.inf if stopping and abs(speed) < STANDING_M_S else max(fastest, abs(speed))
+            for fastest, speed in zip(self._fastest, measured_m_s, strict=True)
+        )
         if turning(measured_m_s):
             self._still_ns = None
         elif self._still_ns is None:
@@ -174,12 +180,11 @@ class StopWatch:
         Args:
             slowed: A wheel below this share of its fastest speed slows down.
         """
-        bounds = [(slowed if most >= SLOW_M_S else ROLLS_OUT) * most for most in self._fastest]
-        speed, name, bound = max(
-            zip(map(slowest, *self._latest), self._motors, bounds, strict=True),
-            key=lambda wheel: abs(wheel[0]) - wheel[2],
+        speed, name, fastest = max(
+            zip(map(slowest, *self._latest), self._motors, self._fastest, strict=True),
+            key=lambda wheel: abs(wheel[0]) - slowed * wheel[2],
         )
-        return (speed if abs(speed) > max(bound, STANDING_M_S) else 0.0), name
+        return (speed if abs(speed) > max(slowed * fastest, STANDING_M_S) else 0.0), name
 
     def _judge_later(self, now_ns: int) -> None:
         self._judged_ns = now_ns
