@@ -207,21 +207,21 @@ def test_one_that_is_not_the_last_does_not_wait() -> None:
 def test_a_leg_may_be_passed_while_the_base_rolls_to_about_its_end() -> None:
     lag = LagModel()
     leg = ahead(0.08, lag)
-    assert leg.is_near(Pose2d(x=0.073))
-    assert not leg.is_near(Pose2d(x=0.071))
+    assert leg.is_near(Pose2d(x=0.073), 1.0)
+    assert not leg.is_near(Pose2d(x=0.071), 1.0)
     # Of a command of 0.1 m/s some way is under way; the first time a model is no surer than this.
     lag.command(Twist2d(vx=0.1))
     lag.advance(0.3)
     lag.command(STANDSTILL)
     rolls = 1.25 * lag.under_way[0]
     assert 0.01 < rolls < 0.024
-    assert leg.is_near(Pose2d(x=0.08 - rolls))
-    assert not leg.is_near(Pose2d(x=0.08 + 0.009 - rolls))
+    assert leg.is_near(Pose2d(x=0.08 - rolls), 1.0)
+    assert not leg.is_near(Pose2d(x=0.08 + 0.009 - rolls), 1.0)
     # However sure of it: not from this far.
     lag.command(Twist2d(vx=0.3))
     lag.advance(1.0)
     assert lag.under_way[0] > 0.03
-    assert not leg.is_near(Pose2d(x=0.08 - 1.25 * lag.under_way[0]))
+    assert not leg.is_near(Pose2d(x=0.08 - 1.25 * lag.under_way[0]), 1.0)
 
 
 @pytest.mark.parametrize(("slack", "within"), [(1.0, 0.0013), (2.0, 0.0026)])
@@ -239,5 +239,5 @@ def test_with_slack_a_leg_may_end_farther_off(slack: float, within: float) -> No
 
 def test_a_base_far_from_its_end_is_short() -> None:
     leg = ahead(0.05, LagModel())
-    assert leg.is_short(Pose2d(x=0.04))
-    assert not leg.is_short(Pose2d(x=0.049))
+    assert leg.short_by(Pose2d(x=0.04)) == "10.0 mm"
+    assert leg.short_by(Pose2d(x=0.049)) == ""

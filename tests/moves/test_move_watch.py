@@ -40,6 +40,24 @@ def test_neither_is_one_that_is_not_commanded() -> None:
     assert not drive(0.5, 0.0, steps=50)
 
 
+def test_a_base_that_turns_to_and_fro_is_not_blocked_though_it_is_where_it_began() -> None:
+    watch, theta = MoveWatch(), 0.0
+    for step in range(300):
+        wz = 1.5 if step % 100 < 50 else -1.5
+        watch.command(Twist2d(wz=wz))
+        assert not watch.blocked(Pose2d(theta=theta), step * STEP_NS)
+        theta += wz * STEP_NS / 1e9
+
+
+def test_a_base_that_was_only_just_commanded_is_not_blocked() -> None:
+    watch = MoveWatch()
+    for step in range(150):
+        # It stood for 2.5 s, and its motors begin 0.4 s after their command.
+        watch.command(Twist2d(wz=0.0 if step < 125 else 1.5))
+        assert not watch.blocked(Pose2d(), step * STEP_NS)
+    assert any(watch.blocked(Pose2d(), step * STEP_NS) for step in range(150, 250))
+
+
 def test_a_pose_that_was_set_is_a_jump_and_a_fast_base_is_not() -> None:
     watch = MoveWatch()
     watch.command(Twist2d(vx=1.0, wz=3.0))

@@ -85,6 +85,35 @@ async def test_a_goal_is_neared_without_a_stop_at_its_corners(tmp_path: Path) ->
         assert there.time_s <= there.ideal_s + 3.0 * 0.1 + 0.3
 
 
+@pytest.mark.parametrize("lag_s", [0.1, 0.3])
+@on_virtual_time
+async def test_what_is_passed_early_is_corrected_before_a_goal_counts_as_reached(
+    tmp_path: Path, lag_s: float
+) -> None:
+    """A turn of a degree cannot correct where the way ended, nor a way of 7 mm be left out."""
+    async with MoveBench(tmp_path, lag_s=lag_s) as bench:
+        await bench.ready()
+        for way, turn in ((0.3, 0.5), (0.5, 1.0), (0.007, 57.0)):
+            pose = bench.heard.estimates[-1].pose
+            x = pose.x + way * math.cos(pose.theta)
+            y = pose.y + way * math.sin(pose.theta)
+            theta = pose.theta + math.radians(turn)
+            await drive(bench, Move(kind="go_to", x=x, y=y, theta=theta))
+            pose = bench.heard.estimates[-1].pose
+            assert math.hypot(pose.x - x, pose.y - y) < 0.004
+
+
+@on_virtual_time
+async def test_short_ways_to_the_side_are_not_blocked(tmp_path: Path) -> None:
+    """Turned there and back, it stands where it began, but for 30 mm."""
+    async with MoveBench(tmp_path) as bench:
+        await bench.ready()
+        for side in (0.03, -0.03, 0.05, -0.05):
+            pose = bench.heard.estimates[-1].pose
+            there = await drive(bench, Move(kind="go_to", x=pose.x, y=pose.y + side, theta=0.0))
+            assert math.hypot(there.end.x - pose.x, there.end.y - pose.y - side) < 0.005
+
+
 @on_virtual_time
 async def test_mecanum_drives_sideways_and_turns_on_its_way(tmp_path: Path) -> None:
     async with MoveBench(tmp_path, "mecanum") as bench:

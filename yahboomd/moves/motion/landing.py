@@ -31,9 +31,9 @@ class Tolerance(msgspec.Struct, frozen=True, kw_only=True):
         end: The largest remaining error.
         aim: How far short of its end a base is to roll: a little short is better than too far.
         short: A base that stands farther from its end did not reach it.
-        near: How far from its end a base may come to rest, by its model, before the next leg of the
-            same move, which corrects that.
-        passed: How far from its end it may still be then.
+        near: How far from its end a base may come to rest, by its model, before a next leg of the
+            same move that corrects it.
+        least: The same before one that cannot.
         still: A base that moves by less stands.
         creep: The least speed towards the end: below it a wheel may not turn at all.
         pulse: The speed of a correction.
@@ -43,7 +43,7 @@ class Tolerance(msgspec.Struct, frozen=True, kw_only=True):
     aim: float
     short: float
     near: float
-    passed: float
+    least: float
     still: float
     creep: float
     pulse: float

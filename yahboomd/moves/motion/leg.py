@@ -33,7 +33,7 @@ WAY = Tolerance(
     aim=0.0004,
     short=0.005,
     near=0.008,
-    passed=0.024,
+    least=0.002,
     still=0.0003,
     creep=0.012,
     pulse=0.035,
@@ -43,16 +43,19 @@ TURN = Tolerance(
     aim=math.radians(0.045),
     short=math.radians(0.6),
     near=math.radians(3.0),
-    passed=math.radians(9.0),
+    least=math.radians(0.4),
     still=math.radians(0.09),
     creep=0.12,
     pulse=0.35,
 )
-FREE = msgspec.structs.replace(WAY, near=0.002, passed=0.002)
+FREE = msgspec.structs.replace(WAY, near=WAY.least)
 """A turn in place that follows cannot correct an error to the side."""
 
 ACROSS_PER_S = 4.0
 """The decay rate of errors across the course and of the heading, for a base that moves sideways."""
+
+ROLLS = 2.0
+"""How many times that far a base may still be from the end of a leg when the next one begins."""
 
 KEEP_PER_S, KEEP_M_S = 4.0, 0.06
 """How fast a base that turns comes back to its place."""
@@ -159,15 +162,22 @@ class MoveLeg:
         )
         return max(self._speed, min(self._tolerance.creep, left / dt_s))
 
-    def is_near(self, pose: Pose2d) -> bool:
-        """Whether the base rolls to about its end, and is nearly there."""
-        rest = self.left(self._lag.predicted(pose, ROLL))
-        within = abs(self.left(pose)) <= self._tolerance.passed
-        return within and abs(rest) <= self._tolerance.near
+    def is_near(self, pose: Pose2d, room: float) -> bool:
+        """Whether the base rolls to about its end, and is nearly there.
 
-    def is_short(self, pose: Pose2d) -> bool:
-        """Whether it ended too far from its end, after all corrections."""
-        return self._last and abs(self.left(pose)) > self._tolerance.short
+        Args:
+            room: How much of the rest the next leg can correct: from 0 for none to 1 for all of it.
+        """
+        tolerance = self._tolerance
+        near = tolerance.least + room * (tolerance.near - tolerance.least)
+        rest = self.left(self._lag.predicted(pose, ROLL))
+        # What it still rolls is corrected too, and less surely known.
+        return abs(rest) <= near and abs(self.left(pose)) <= (1.0 + ROLLS * room) * near
+
+    def short_by(self, pose: Pose2d) -> str:
+        """How far from its end it ended after all corrections; empty if near enough."""
+        left = abs(self.left(pose))
+        return f"{1000.0 * left:.1f} mm" if left > self._tolerance.short else ""
 
 
 class TurnLeg(MoveLeg):
@@ -197,6 +207,10 @@ class TurnLeg(MoveLeg):
 
     def left(self, pose: Pose2d) -> float:
         return self._sign * (self._goal - pose.theta)
+
+    def short_by(self, pose: Pose2d) -> str:
+        left = abs(self.left(pose))
+        return f"{math.degrees(left):.2f} degrees" if left > self._tolerance.short else ""
 
     def _way(self, _ahead: float, _left: float, turned: float) -> float:
         return self._sign * turned

@@ -10,6 +10,9 @@ from yahboomd.core.model import Pose2d, Twist2d
 BLOCKED_S = 2.0
 """A base that hardly moves although it was commanded a way for this time is blocked."""
 
+STARTS_S = 0.5
+"""Commands of this last part of it are not counted: a motor with a lag of 0.3 s begins slowly."""
+
 LEAST_WAY_M = 0.02
 """The least commanded way; a turn counts as the way of a wheel at `ARM_M`."""
 
@@ -70,10 +73,15 @@ class MoveWatch:
         at_ns, begin, commanded = self._seen[0]
         if now_ns - at_ns < BLOCKED_S * 1e9:
             return False
-        wanted = self._commanded - commanded
-        moved = math.hypot(pose.x - begin.x, pose.y - begin.y)
-        moved += ARM_M * abs(pose.theta - begin.theta)
-        return wanted > LEAST_WAY_M and moved < SHARE * wanted
+        # A base that is slow to start has not obeyed the newest commands yet.
+        wanted = max(way for ns, _, way in self._seen if now_ns - ns >= STARTS_S * 1e9) - commanded
+        if wanted <= LEAST_WAY_M:
+            return False
+        # The farthest that it was: a turn to the left and one to the right end where they began.
+        return SHARE * wanted > max(
+            math.hypot(each.x - begin.x, each.y - begin.y) + ARM_M * abs(each.theta - begin.theta)
+            for _, each, _ in self._seen
+        )
 
     def slips(self, wheels_rad_s: float, gyro_rad_s: float, now_ns: int) -> bool:
         """Whether the wheels turn the base without the gyro; call it with every gyro sample.

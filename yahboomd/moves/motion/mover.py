@@ -20,6 +20,14 @@ STEP_NS = 20_000_000
 
 LONGEST_STEP_S = 0.1
 
+DRIVEN_M, DRIVEN_RAD = 0.05, math.radians(20.0)
+CORRECTS_M, CORRECTS_RAD = 0.25, math.radians(60.0)
+"""A leg from this length on is passed while the base rolls on, if the next one is as long as this:
+a way corrects a heading, and a turn the place along its first heading."""
+
+OFF_M = 0.01
+"""A base that stands farther from a place did not reach it."""
+
 LATE_NS = 60_000_000
 """A correction lasts until the next pose. Of simulated moves whose poses came this late on average,
 2 of 96 ended short."""
@@ -144,11 +152,12 @@ class Mover:
             if self._leg is None:
                 self._leg = self._legs[self._number].drive(self._lag, last=self._is_last)
             twist = self._leg.step(pose, dt_s, hold=self._paused)
-            passes = self._is_passed and not self._paused and self._leg.is_near(pose)
+            room = self._room
+            passes = room is not None and not self._paused and self._leg.is_near(pose, room)
             if twist is not None and not passes:
                 return twist
-            if not passes and self._leg.is_short(pose):
-                self._end_short(self._leg, pose)
+            if not passes and self._is_last and (short_by := self._short_by(self._leg, pose)):
+                self._end_short(short_by)
                 return None
             self._leg = None
             self._number += 1
@@ -167,17 +176,29 @@ class Mover:
         return here.move != after.move or (here.course is not None) != (after.course is not None)
 
     @property
-    def _is_passed(self) -> bool:
-        """Whether the next leg belongs to the same move: it corrects this one's rest."""
-        return (
-            self._number + 1 < len(self._legs)
-            and self._legs[self._number].move == self._legs[self._number + 1].move
-        )
+    def _room(self) -> float | None:
+        """How much of this leg's rest the next one can correct, from 0 to 1.
 
-    def _end_short(self, leg: MoveLeg, pose: Pose2d) -> None:
-        planned = self._legs[self._number]
-        left = leg.left(pose)
-        words = f"{1000.0 * left:.1f} mm" if planned.course else f"{math.degrees(left):.2f} degrees"
+        None if that is another move's: it begins where this one has to end.
+        """
+        if self._number + 1 >= len(self._legs):
+            return None
+        here, after = self._legs[self._number], self._legs[self._number + 1]
+        if here.move != after.move:
+            return None
+        of_here = here.length / (DRIVEN_M if here.course else DRIVEN_RAD)
+        of_after = after.length / (CORRECTS_M if after.course else CORRECTS_RAD)
+        return min(1.0, of_here, of_after)
+
+    def _short_by(self, leg: MoveLeg, pose: Pose2d) -> str:
+        """How far from its end a leg ended; empty if near enough."""
+        here = self._legs[self._number]
+        off = math.hypot(pose.x - here.end.x, pose.y - here.end.y)
+        is_place = self._moves[here.move].kind in {"go_to", "follow"} and self._room is None
+        # A turn that ends at a place does not see the place itself.
+        return leg.short_by(pose) or (f"{1000.0 * off:.1f} mm" if is_place and off > OFF_M else "")
+
+    def _end_short(self, short_by: str) -> None:
         late = ""
         if self._apart_ns >= LATE_NS:
             late = (
@@ -186,7 +207,7 @@ class Mover:
             )
         self.end(
             "short",
-            f"The base stands {words} from its goal, and small commands do not move it "
+            f"The base stands {short_by} from its goal, and small commands do not move it "
             f"there.{late}",
         )
 
