@@ -59,3 +59,5 @@ def test_a_run_takes_a_share_with_each_value_and_all_cases_if_asked(tmp_path: Pa
     assert len([name for name in taken if name.startswith("test_others")]) == 7
     assert taken == passed(tmp_path), "the same ones every time"
     assert len(passed(tmp_path, YAHBOOMD_GRIDS="1")) == 30 + 6 + 7
+    assert len(passed(tmp_path, "-k", "test_grid")) == 30
+    assert len(passed(tmp_path, "test_it.py::test_grid")) == 30

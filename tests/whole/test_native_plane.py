@@ -129,10 +129,15 @@ def test_every_sample_is_what_its_key_its_encoding_and_its_schema_promise(
         is_valid(message, name)
         if name == "EventSample":
             assert_registered(message)
-    poses, twists = (application.of(f"bot1/yahboomd/{name}") for name in ("pose", "twist"))
-    stamps = {each["seq"]: each["stamp_ns"] for each in poses}
-    shared = [each for each in twists if each["seq"] in stamps]
-    assert len(shared) > 20
+
+    def heard() -> tuple[list[Any], dict[int, int], list[Any]]:
+        poses, twists = (application.of(f"bot1/yahboomd/{name}") for name in ("pose", "twist"))
+        stamps = {each["seq"]: each["stamp_ns"] for each in poses}
+        return poses, stamps, [each for each in twists if each["seq"] in stamps]
+
+    # Every key may have been heard after less than a second.
+    wait_for(lambda: len(heard()[2]) > 20, "more poses and their twists")
+    poses, stamps, shared = heard()
     assert all(each["stamp_ns"] == stamps[each["seq"]] for each in shared)
     assert max(each["x"] for each in poses) > 0.02
     assert application.account()["accepted"] >= 1
