@@ -164,7 +164,8 @@ async def test_a_car_drives_arcs_goals_and_paths_and_refuses_a_turn_in_place(
         followed = await drive(bench, Move(kind="follow", points=points))
         pose = bench.heard.estimates[-1].pose
         assert math.dist((pose.x, pose.y), points[-1]) < 0.005
-        assert math.dist((followed.end.x, followed.end.y), points[-1]) < 0.05
+        # The third of them: each bend adds to what the pose does not know.
+        assert math.dist((followed.end.x, followed.end.y), points[-1]) < 0.06
         with pytest.raises(MoveRefused, match="does not turn in place"):
             await bench.move([Move(kind="turn", angle_rad=1.0)])
 

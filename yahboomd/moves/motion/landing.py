@@ -14,9 +14,9 @@ import msgspec
 PULSES = 12
 """The most corrections; after them the leg ends as it is."""
 
-STANDS_S, ENDS_S, ENDS = 0.12, 0.08, 0.9
-"""A base that did not move for the first time stands. At its goal the second is enough, plus this
-multiple of its motors' lag, since slow motors swing back."""
+STANDS_S, ENDS_S, ENDS = 0.12, 0.08, 0.45
+"""A base that did not move for the first time stands. At its goal the second is enough, or this
+multiple of its motors' lag if that is longer, since slow motors swing back."""
 
 LONGEST_S = 8.0
 """A longer landing ends as it is."""
