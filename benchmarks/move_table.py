@@ -32,6 +32,7 @@ PRESETS = ("2wd", "4wd", "mecanum")
 KINDS = ("straight", "turn", "go_to", "follow")
 EACH = 8
 COUNT_M = 2.0 * math.pi * 0.0335 / 1320.0
+SPARE_S = 0.3
 SPEED_M_S, TURN_RAD_S = 0.3, 1.5
 
 
@@ -288,6 +289,13 @@ def table(results: list[Result], plain: list[Result]) -> str:
         lines.append(f"| {' | '.join(cells)} |")
     reached = sum(each.reached for each in results)
     lines.append(f"\n{reached} of {len(results)} moves ended with `reached`.")
+    shares = []
+    for kind in KINDS:
+        in_time = [
+            each.over_s <= 3.0 * each.lag_s + SPARE_S for each in results if each.kind == kind
+        ]
+        shares.append(f"{kind} {100.0 * sum(in_time) / max(1, len(in_time)):.0f} %")
+    lines.append(f"Within the ideal time, three lags and {SPARE_S} s: {', '.join(shares)}.")
     return "\n".join(lines)
 
 
