@@ -188,7 +188,7 @@ bench-short: $(VENV)/.dev ## the same in a short form, only to see that it works
 	$(PY) -m benchmarks --short --out build/bench-short --store build/bench-short/store $(ARGS)
 
 .PHONY: moves move-losses
-moves: $(VENV)/.dev ## 400 random moves on simulated robots beside a plain loop: the table of docs/moves.md (8 minutes; ARGS='--moves 64')
+moves: $(VENV)/.dev ## 400 random moves on simulated robots beside a plain loop: the table of docs/moves.md (three minutes; ARGS='--moves 64')
 	@PYTHONPATH=tests/plugins $(PY) -m benchmarks.move_table $(ARGS)
 
 move-losses: $(VENV)/.dev ## lose the client of a move in mid-drive, in every way, with real processes (3 minutes; ARGS='--times 2')
