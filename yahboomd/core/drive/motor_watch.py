@@ -391,7 +391,7 @@ _MESSAGES: dict[FaultKind, str] = {
     "no_counts": (
         "{name} is commanded {commanded:.2f} m/s and its encoder shows no motion for {least:.0f} "
         "mm of it: check whether the wheel is blocked, then the plug of motor and encoder, the "
-        "position, and the motor supply."
+        "position, and the motor supply. A stiff motor may need `yahboomd tune`, for its dead zone."
     ),
     "off_speed": (
         "{name} turns at {measured:.2f} m/s where {commanded:.2f} m/s are commanded: check the "
