@@ -191,6 +191,10 @@ def test_a_slow_wheel_that_keeps_its_speed_is_accused_at_once(
     assert follow(watch, lambda _: speed) == accused
 
 
+def test_one_slow_reading_of_a_wheel_that_turns_on_is_no_swing(watch: StopWatch) -> None:
+    assert follow(watch, lambda t: 0.0 if 0.295 < t < 0.305 else 0.5) == [600, 1600]
+
+
 def test_a_wheel_that_begins_to_turn_after_the_stop_is_accused_600_ms_after_the_cut(
     watch: StopWatch,
 ) -> None:

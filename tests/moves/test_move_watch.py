@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from yahboomd.core.model import Pose2d, Twist2d
+from yahboomd.moves.motion.leg import TURN, WAY
 from yahboomd.moves.motion.move_watch import MoveWatch
 
 STEP_NS = 20_000_000
@@ -26,6 +27,8 @@ def drive(commanded: float, driven: float, *, turn: bool = False, steps: int = 3
 def test_a_base_that_is_commanded_and_stands_is_blocked(turn: bool) -> None:
     assert drive(0.5, 0.0, turn=turn)
     assert drive(0.5, 0.05, turn=turn)
+    # At the end of a leg.
+    assert drive(TURN.creep if turn else WAY.creep, 0.0, turn=turn, steps=110)
 
 
 @pytest.mark.parametrize("turn", [False, True])

@@ -233,6 +233,20 @@ def test_a_base_that_stands_short_of_its_goal_is_said_to_and_whether_poses_came_
     assert late in short.ended.message
 
 
+@pytest.mark.parametrize(("beside", "reason"), [(0.009, "reached"), (0.02, "short")])
+def test_a_base_beside_its_goal_is_said_to_be_there(beside: float, reason: str) -> None:
+    short = mover(Move(kind="follow", points=((0.0, 0.0), (0.25, 0.0), (0.5, 0.0))))
+    x, vx, now_ns = 0.0, 0.0, 0
+    while short.ended is None:
+        now_ns += 20_000_000
+        x += 0.02 * vx
+        twist = short.step(Pose2d(x=x, y=beside * min(1.0, x / 0.2)), now_ns)
+        vx = vx if twist is None else twist.vx
+    assert short.ended.reason == reason
+    if reason == "short":
+        assert short.ended.message.startswith("The base stands 20.0 mm from its goal, at the end")
+
+
 def test_it_commands_at_fifty_hertz_however_often_poses_come() -> None:
     made = mover(Move(kind="straight", distance_m=1.0))
     answers = [made.step(Pose2d(), step * 5_000_000) for step in range(40)]

@@ -88,12 +88,12 @@ class StopWatch:
             return self.state
         self._latest.append(tuple(measured_m_s))
         self._measured_ns = stamp_ns
-        # A wheel that stood since the stop swings: the next look judges it. A motor with a lag of
-        # 0.3 s that is stopped in the middle of a reversal gains 0.07 m/s first.
-        stopping = self.state == "stopping"
+        # A wheel that two readings saw stand since the stop swings: the next look judges it. One
+        # with a lag of 0.3 s that is stopped in the middle of a reversal gains 0.07 m/s first.
+        stopping = self.state == "stopping" and len(self._latest) > 1
         self._fastest = tuple(
-            math.inf if stopping and abs(speed) < STANDING_M_S else max(fastest, abs(speed))
-            for fastest, speed in zip(self._fastest, measured_m_s, strict=True)
+            math.inf if stopping and not turning(speeds) else max(fastest, abs(speeds[-1]))
+            for fastest, speeds in zip(self._fastest, zip(*self._latest, strict=True), strict=True)
         )
         if turning(measured_m_s):
             self._still_ns = None

@@ -27,7 +27,7 @@ NEAR_M = 0.02
 """A path whose first point is this near begins at the base."""
 
 SLACK = 2.0
-"""A place is reached within 5 mm and 0.5 degrees; a way or a turn is driven more exactly."""
+"""The aim at a place is 5 mm and 0.5 degrees, of a way or a turn 2 mm and 0.2 degrees."""
 
 FARTHEST_M = 1e7
 LEAST_LIMIT, LEAST_RADIUS_M = 1e-3, 1e-3

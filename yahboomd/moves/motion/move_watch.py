@@ -13,8 +13,9 @@ BLOCKED_S = 2.0
 STARTS_S = 0.5
 """Commands of this last part of it are not counted: a motor with a lag of 0.3 s begins slowly."""
 
-LEAST_WAY_M = 0.02
-"""The least commanded way; a turn counts as the way of a wheel at `ARM_M`."""
+LEAST_WAY_M = 0.015
+"""The least commanded way, less than that of the slowest end of a leg; a turn counts as the way of
+a wheel at `ARM_M`."""
 
 ARM_M = 0.1
 SHARE = 0.2

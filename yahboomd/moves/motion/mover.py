@@ -191,12 +191,19 @@ class Mover:
         return min(1.0, of_here, of_after)
 
     def _short_by(self, leg: MoveLeg, pose: Pose2d) -> str:
-        """How far from its end a leg ended; empty if near enough."""
+        """How far from its end a leg ended, and why; empty if near enough."""
+        if short_by := leg.short_by(pose):
+            return f"{short_by} from its goal, and small commands do not move it there."
         here = self._legs[self._number]
         off = math.hypot(pose.x - here.end.x, pose.y - here.end.y)
         is_place = self._moves[here.move].kind in {"go_to", "follow"} and self._room is None
-        # A turn that ends at a place does not see the place itself.
-        return leg.short_by(pose) or (f"{1000.0 * off:.1f} mm" if is_place and off > OFF_M else "")
+        # A turn that ends at a place does not see the place, nor a way what is beside it.
+        if not is_place or off <= OFF_M:
+            return ""
+        return (
+            f"{1000.0 * off:.1f} mm from its goal, at the end of its way but beside it. Look for "
+            "points that are nearer than 20 mm to each other, or a long look_ahead_m."
+        )
 
     def _end_short(self, short_by: str) -> None:
         late = ""
@@ -205,11 +212,7 @@ class Mover:
                 f" Poses came up to {self._apart_ns / NS_PER_S:.2f} s apart meanwhile: the machine "
                 "or the network is too busy for small corrections."
             )
-        self.end(
-            "short",
-            f"The base stands {short_by} from its goal, and small commands do not move it "
-            f"there.{late}",
-        )
+        self.end("short", f"The base stands {short_by}{late}")
 
     @property
     def progress(self) -> MoveProgress:
