@@ -54,28 +54,24 @@ class Fuse:
 
 def fit(fuse: Fuse) -> None:
     """Make every call of a recorder pass the fuse."""
-    call, guarded = Recorders.call, Recorders.guarded
-
-    def burning(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
-        def run(*arguments: object, **named: object) -> Any:  # noqa: ANN401 - as the function
-            fuse.burn(name)
-            return function(*arguments, **named)
-
-        return run
+    call = Recorders.call
 
     def call_burning(
         self: Recorders,
         name: str,
         function: Callable[..., Any],
+        /,
         *arguments: object,
         default: object = None,
+        **named: object,
     ) -> Any:  # noqa: ANN401 - as the function
-        return call(self, name, burning(name, function), *arguments, default=default)
+        def burning(*arguments: object, **named: object) -> Any:  # noqa: ANN401 - as the function
+            fuse.burn(name)
+            return function(*arguments, **named)
+
+        return call(self, name, burning, *arguments, default=default, **named)
 
     Recorders.call = call_burning  # type: ignore[method-assign]
-    Recorders.guarded = lambda self, name, function: guarded(  # type: ignore[method-assign]
-        self, name, burning(name, function)
-    )
 
 
 if __name__ == "__main__":
