@@ -62,7 +62,7 @@ check: $(VENV)/.dev ## the same in the environment that is there
 compiled: $(VENV)/.dev
 	@$(PYTEST) -q --collect-only $(REST) $(ARGS) >/dev/null 2>&1 || true
 
-grids: $(VENV)/.dev ## every case of the tests of which `make test` takes a share: faults at all times, on all lines (ten minutes)
+grids: $(VENV)/.dev ## every case of the tests of which `make test` takes a share: faults at all times, on all lines (three minutes)
 	YAHBOOMD_GRIDS=1 $(PYTEST) $(PARALLEL) -m share tests $(ARGS)
 	YAHBOOMD_GRIDS=1 $(PYTEST) tests/benchmarks/test_command_line.py $(ARGS)
 
