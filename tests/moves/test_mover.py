@@ -105,7 +105,7 @@ async def test_what_is_passed_early_is_corrected_before_a_goal_counts_as_reached
 
 @on_virtual_time
 async def test_short_ways_to_the_side_are_not_blocked(tmp_path: Path) -> None:
-    """Turned there and back, it stands where it began, but for 30 mm."""
+    """A turn there and one back end at the first heading, 30 mm to the side."""
     async with MoveBench(tmp_path) as bench:
         await bench.ready()
         for side in (0.03, -0.03, 0.05, -0.05):
@@ -244,7 +244,7 @@ def test_a_base_beside_its_goal_is_said_to_be_there(beside: float, reason: str) 
         vx = vx if twist is None else twist.vx
     assert short.ended.reason == reason
     if reason == "short":
-        assert short.ended.message.startswith("The base stands 20.0 mm from its goal, at the end")
+        assert short.ended.message.startswith("The base stands 20.0 mm from its goal, beside")
 
 
 def test_it_commands_at_fifty_hertz_however_often_poses_come() -> None:

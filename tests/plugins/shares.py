@@ -19,7 +19,7 @@ def all_cases() -> bool:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out what is not in its test's share, unless a test was asked for by name."""
+    """Leave out the cases beyond each share, unless a test was asked for by name."""
     if all_cases() or config.option.keyword or any("::" in each for each in config.args):
         return
     tests: dict[str, list[pytest.Item]] = defaultdict(list)

@@ -78,7 +78,7 @@ class MoveWatch:
         wanted = max(way for ns, _, way in self._seen if now_ns - ns >= STARTS_S * 1e9) - commanded
         if wanted <= LEAST_WAY_M:
             return False
-        # The farthest that it was: a turn to the left and one to the right end where they began.
+        # The largest distance: a turn to the left and one to the right end at their begin.
         return SHARE * wanted > max(
             math.hypot(each.x - begin.x, each.y - begin.y) + ARM_M * abs(each.theta - begin.theta)
             for _, each, _ in self._seen

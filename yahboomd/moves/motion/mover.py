@@ -192,18 +192,20 @@ class Mover:
 
     def _short_by(self, leg: MoveLeg, pose: Pose2d) -> str:
         """How far from its end a leg ended, and why; empty if near enough."""
-        if short_by := leg.short_by(pose):
-            return f"{short_by} from its goal, and small commands do not move it there."
         here = self._legs[self._number]
+        kind = self._moves[here.move].kind
+        short_by = leg.short_by(pose)
         off = math.hypot(pose.x - here.end.x, pose.y - here.end.y)
-        is_place = self._moves[here.move].kind in {"go_to", "follow"} and self._room is None
-        # A turn that ends at a place does not see the place, nor a way what is beside it.
-        if not is_place or off <= OFF_M:
-            return ""
-        return (
-            f"{1000.0 * off:.1f} mm from its goal, at the end of its way but beside it. Look for "
-            "points that are nearer than 20 mm to each other, or a long look_ahead_m."
-        )
+        # A turn does not watch its place, nor a course the distance to its side.
+        is_off = kind in {"go_to", "follow"} and self._room is None and off > OFF_M
+        if is_off and not short_by:
+            short_by = f"{1000.0 * off:.1f} mm"
+            if kind == "follow":
+                return (
+                    f"{short_by} from its goal, beside the end of its path. Look for points that "
+                    "are nearer than 20 mm to each other, or a long look_ahead_m."
+                )
+        return short_by and f"{short_by} from its goal, and small commands do not move it there."
 
     def _end_short(self, short_by: str) -> None:
         late = ""
