@@ -122,7 +122,7 @@ def test_figures_of_the_time_from_finger_to_wheel_frame(bench: PageBench) -> Non
         bench.robot.settled_truth()
         finger = bench.place(page, 0.0, 0.6)
         touched = [touch_once(bench, page, finger) for _ in range(TOUCHES)]
-    moved = bench.motions(touched[0])
+    moved = list(bench.motions(touched[0]))
     times = [
         (moved[first] - before_ns) / 1e6
         for before_ns, after_ns in pairwise([*touched, time.monotonic_ns()])

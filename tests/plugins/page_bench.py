@@ -64,7 +64,7 @@ class PageBench:
         heard = folder / "heard"
         self.robot = RealRobot(folder, simulate=["--heard", str(heard), *simulate], run=run)
         self._wire = Tail(heard, HostBytes)
-        self._moved_ns: list[int] = []
+        self._motions: dict[int, list[int]] = {}
         self.port = int(free_endpoint().rsplit(":", 1)[1])
         self._listen = f"{listen}:{self.port}"
         self._web = web
@@ -127,13 +127,13 @@ class PageBench:
 
     # On the wire.
 
-    def motions(self, since_ns: int = 0) -> list[int]:
-        """The moments of the frames that command motion."""
+    def motions(self, since_ns: int = 0) -> dict[int, list[int]]:
+        """The speeds of the wheels in the frames that command motion, by their moments."""
         for heard in self._wire.news():
             speeds = [int(each) for text in SPEEDS.findall(heard.data) for each in text.split(",")]
             if any(speeds):
-                self._moved_ns.append(heard.t_ns)
-        return [t_ns for t_ns in self._moved_ns if t_ns > since_ns]
+                self._motions[heard.t_ns] = speeds
+        return {t_ns: speeds for t_ns, speeds in self._motions.items() if t_ns > since_ns}
 
     def is_moving(self) -> bool:
         """Whether the wheels turn in truth."""
@@ -200,7 +200,7 @@ class PageBench:
         since_ns = time.monotonic_ns()
         quiet_ns = since_ns + round(QUIET_S * 1e9)
         wait_for(lambda: self.robot.truth()[-1].t_ns > quiet_ns, "1.6 s of quiet")
-        assert self.motions(since_ns) == []
+        assert not self.motions(since_ns)
         assert not self.is_moving()
 
     def recover(self) -> None:
