@@ -185,7 +185,7 @@ def test_pictures_that_come_late_through_the_network_never_look_live(
         looked.push({MARKED});
         requestAnimationFrame(look);
       }})(); 0""")
-    looking.until("seen.size > 3")
+    looking.until("seen.size > 2")
     assert looking.evaluate("looked.every(Boolean)")
     robot.network.delay_s = 0.0
     looking.until(LIVE)

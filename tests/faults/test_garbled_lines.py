@@ -135,6 +135,7 @@ async def test_frames_that_lose_their_ends_do_not_melt_into_one_that_hangs_the_b
         assert bench.standing
 
 
+@pytest.mark.share(3)
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time

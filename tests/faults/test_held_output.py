@@ -29,6 +29,7 @@ async def ended(bench: QueueingBench) -> None:
     await asyncio.gather(bench.tasks[0], return_exceptions=True)
 
 
+@pytest.mark.share(3)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("rate", [100.0, 200.0, 1000.0])
 @on_virtual_time

@@ -362,6 +362,7 @@ async def test_answers_that_stall_for_longer_are_a_gap_without_a_dash(
         assert not ALARMS & set(bench.heard.kinds)
 
 
+@pytest.mark.share(2)
 @pytest.mark.parametrize("dialect", ["streamed", "polled"])
 @pytest.mark.parametrize("held_s", [0.16, 0.2, 0.24, 0.28])
 @on_virtual_time

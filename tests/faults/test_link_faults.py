@@ -233,6 +233,7 @@ class HalvingBench(FaultBench):
         return self.port
 
 
+@pytest.mark.share(3)
 @pytest.mark.parametrize("every", [2, 3, 7])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
@@ -319,6 +320,7 @@ async def test_a_board_that_keeps_resetting_is_left_alone_until_a_person_came(
 
 
 # It comes back just after an attempt, at 1.51 s.
+@pytest.mark.share(3)
 @pytest.mark.parametrize("away_s", [0.05, 0.5, 1.51, 3.0, 30.0])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
@@ -344,6 +346,7 @@ async def test_after_a_replug_the_wheels_are_stopped_before_anything_else(
         assert alive(bench)
 
 
+@pytest.mark.share(3)
 @pytest.mark.parametrize("code", [errno.EIO, errno.ENODEV, errno.ENXIO, errno.EBADF, None])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
