@@ -19,7 +19,7 @@ from pathlib import Path
 from random import Random
 from typing import NamedTuple
 
-from benchmarks.move_bench import TRACK_M, Drive, MoveBench
+from benchmarks.move_bench import TRACK_M, Drive, LateBench, MoveBench
 from benchmarks.results import quantile
 from yahboomd.client.move_messages import Move
 from yahboomd.core.model import Pose2d
@@ -410,6 +410,36 @@ def others(seed: int) -> str:
     return "\n".join(lines)
 
 
+LATE_S = (0.0, 0.03, 0.06, 0.1, 0.2)
+LATE_LAGS_S = (0.05, 0.1, 0.15, 0.2)
+
+
+async def square(preset: str, lag_s: float, late_s: float) -> list[Drive]:
+    """The moves of a square of half a metre, whose poses come late."""
+    sides = [
+        Move(kind="straight", distance_m=0.5),
+        Move(kind="turn", angle_rad=math.pi / 2.0),
+    ]
+    with tempfile.TemporaryDirectory() as folder:
+        seed = round(1000.0 * lag_s)
+        async with LateBench(Path(folder), preset, lag_s, late_s, seed) as bench:
+            await bench.ready()
+            await asyncio.sleep(0.3)
+            return [await bench.move([move]) for move in 4 * sides]
+
+
+def late(late_s: float) -> str:
+    """A row of the table of late poses."""
+    found: list[Drive] = []
+    for preset in PRESETS:
+        for lag_s in LATE_LAGS_S:
+            found += run_virtual(square(preset, lag_s, late_s))
+    ends = Counter(each.ended.reason for each in found)
+    words = ", ".join(f"{count} `{reason}`" for reason, count in ends.most_common())
+    over = [each.time_s - each.ideal_s for each in found]
+    return f"| {late_s:g} s | {words} | {quantile(over, 0.5):.1f}, {quantile(over, 0.95):.1f} s |"
+
+
 async def path(seed: int) -> tuple[tuple[tuple[float, ...], ...], list[Pose2d]]:
     """A path that was asked for, and the true poses on it."""
     chance = Random(seed)
@@ -444,10 +474,16 @@ def main() -> None:
     parser.add_argument("--moves", type=int, default=400)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--others", action="store_true", help="wheels that slip, and a car")
+    parser.add_argument("--late", action="store_true", help="squares whose poses come late")
     parser.add_argument("--picture", type=Path, help="draw ten paths over their truth")
     args = parser.parse_args()
     if args.others:
         print(others(args.seed))
+        return
+    if args.late:
+        print("| late by, on average | ends | beyond the ideal time: median, 95 % |\n|---|---|---|")
+        with ProcessPoolExecutor(2) as pool:
+            print("\n".join(pool.map(late, LATE_S)))
         return
     robots = max(len(KINDS), args.moves // EACH)
     with ProcessPoolExecutor(2) as pool:
