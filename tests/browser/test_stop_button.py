@@ -114,6 +114,8 @@ def test_a_fault_is_named_in_words_and_one_button_clears_it(bench: PageBench, pa
         bench.robot.do("repair left")
     page.lift()
     page.says("#why", "left")
+    # What the button does is no command to type; what only a terminal does is quoted.
+    assert "release" not in page.text("#why")
     assert "`" not in page.text("#why")
     page.says("#release", "Clear the fault")
     release(bench, page)

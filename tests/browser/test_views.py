@@ -323,7 +323,7 @@ LATELY = "Commands refused lately: 3 no_velocity."
 EMPTY = "The battery is empty: 6.0 V at rest, less than board.battery_stop_v = 6.2."
 
 
-def test_the_daemons_reasons_stay_exact_except_that_nobody_drives_and_what_a_button_does(
+def test_the_daemons_reasons_stay_exact_but_for_who_drives_what_a_button_does_and_quotes(
     page: Page,
 ) -> None:
     stop = "Emergency stop, engaged by x: y."
@@ -331,7 +331,7 @@ def test_the_daemons_reasons_stay_exact_except_that_nobody_drives_and_what_a_but
         ("driver", "The page ended with a zero command 72.9 s ago.", "Ready."),
         ("driver", "No source commands motion.", "Ready."),
         ("driver", f"{stop}{RELEASE} cmd_vel ended with a zero command 3.0 s ago.", stop),
-        ("viewer", f"{stop}{RELEASE}", f"{stop}{RELEASE}"),
+        ("viewer", f"{stop}{RELEASE}", f"{stop} To drive again: “yahboomd stop --release”."),
         ("driver", "cmd_vel drove and was lost 3.0 s ago: its client left the bus.", ""),
         ("driver", f"The page ended with a zero command 60 s ago. {EMPTY}", EMPTY),
         ("driver", "The page commands zero and keeps control.", "Ready."),

@@ -73,7 +73,8 @@ const RELEASE = / ?To drive again: `[^`]*`\.?/g; // The button below does the sa
 /** The daemon's words for a phone. */
 export function plain(why, role) {
   const rest = why.replace(NOBODY, "");
-  return (role === "driver" ? rest.replace(RELEASE, "") : rest).trim() || "Ready.";
+  const words = role === "driver" ? rest.replace(RELEASE, "") : rest;
+  return words.replace(/`([^`]*)`/g, "“$1”").trim() || "Ready.";
 }
 
 /** Which page, by its name; "" before that is known. */
