@@ -518,7 +518,10 @@ def main() -> None:
     )
     parser.add_argument("--only", action="append", default=[], choices=list(STATES))
     args = parser.parse_args()
-    with tempfile.TemporaryDirectory(prefix="yahboomd-pictures-") as name:
+    with tempfile.TemporaryDirectory(
+        prefix="yahboomd-pictures-",
+        ignore_cleanup_errors=True,  # The browser ends a moment later.
+    ) as name:
         robots = Robots(Path(name))
         try:
             if args.folder:

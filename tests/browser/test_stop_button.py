@@ -82,7 +82,7 @@ def test_a_robot_that_is_stopped_is_not_driven_until_it_is_released(
     bench: PageBench, page: Page
 ) -> None:
     page.tap("#estop")
-    page.says(".words", "emergency stop is engaged")
+    page.says(".words", "Emergency stop: release it to drive")
     page.touch(page.middle(".pad"))
     x, y = page.middle(".pad")
     page.touch((x, y - 60), kind="touchMove")

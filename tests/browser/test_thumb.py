@@ -202,7 +202,7 @@ def test_the_pad_does_not_move_under_the_thumb_whatever_the_page_says(
     page.lift()
     bench.robot.settled_truth()
     bench.network.held = True
-    page.until("/Nothing came|no connection/.test(document.querySelector('.words').innerText)")
+    page.until("/Nothing came|No connection/.test(document.querySelector('.words').innerText)")
     places.append(page.middle(".pad"))
     assert all(place == pytest.approx(before, abs=1.0) for place in places)
 

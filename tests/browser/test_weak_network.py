@@ -11,7 +11,7 @@ from page_bench import LONG, PageBench
 
 pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser")]
 
-SILENT = """/Nothing came from the robot|There is no connection/.test(
+SILENT = """/Nothing came from the robot|No connection/.test(
   document.querySelector(".words").innerText)"""
 """Why the page does not drive: first nothing comes, then it gave the connection up."""
 

@@ -1,4 +1,4 @@
-// Why this page may not drive now, in plain words.
+// Why this page may not drive now, in plain words: as few as two lines of a phone on its side hold at twice the text.
 
 import { duration } from "./dom.js";
 
@@ -8,22 +8,22 @@ const DELAY_GOOD_MS = 2500; // A delay measured longer ago than this is ignored.
 /** Why not, or "". Reasons that a person can change come last. */
 export function obstacle(connection, live) {
   const hello = live.newest("hello");
-  if (!connection.isOpen || !hello) return "There is no connection to the robot's computer.";
+  if (!connection.isOpen || !hello) return "No connection to the robot's computer.";
   const lapse = lapseOf(live);
   if (connection.beatAge > lapse)
     return `Nothing came from the robot for ${duration(connection.beatAge)}: the network is too weak.`;
   const slow = weakness(live);
   if (slow) return slow;
-  if (hello.role !== "driver") return "This phone may watch and stop the robot, not drive it.";
+  if (hello.role !== "driver") return "This phone may watch and stop, not drive.";
   const daemon = live.newest("daemon");
   // The header has the daemon's own words.
   if (daemon && !daemon.alive) return "No yahboomd answers. The page comes back by itself.";
   const status = live.sample("status");
-  if (status?.state === "estopped") return "The emergency stop is engaged. Release it to drive.";
-  if (status?.state === "fault") return "The robot has a fault: it stands above. Clear it to drive.";
-  if (status && !KNOWN.includes(status.state)) return "The robot is in a state that this page does not know. It stands above.";
+  if (status?.state === "estopped") return "Emergency stop: release it to drive.";
+  if (status?.state === "fault") return "Fault, see above: clear it to drive.";
+  if (status && !KNOWN.includes(status.state)) return "This page does not know the state: see above.";
   if (hello.barred) return hello.barred;
-  if (status?.state === "waiting") return "The robot waits. Why, and what to do, stands above.";
+  if (status?.state === "waiting") return "The robot waits: see above.";
   const control = live.newest("control");
   return control?.mine || control?.page_driver === null ? "" : `${control?.name ?? "Another page"} has control of the robot.`;
 }
