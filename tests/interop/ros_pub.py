@@ -10,10 +10,16 @@ subscription (`-w 1`), publishes at a rate, and ends a tenth of a second later (
     {"do":"end"}                            Ctrl-C, unless it has ended
 
 It prints `waits`, `published` with the time of the first message, and `ended`.
+
+Now and then Fast DDS locks itself up in a fresh process, before it has a publisher: one thread has
+the participants' lock and waits for the thread of the timers, which waits for that lock
+(https://github.com/eProsima/Fast-DDS/issues/6502). A person ends the command and gives it again; so
+does this, and prints `locked_up`.
 """
 
 import json
 import os
+import select
 import signal
 import sys
 import time
@@ -30,6 +36,9 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.qos import QoSPresetProfiles
 from std_msgs.msg import Bool
 
+LOCKED_S = 20.0
+"""A node and a publisher take a second, on a busy machine several."""
+
 
 def say(**event: Any) -> None:
     print(json.dumps(event), flush=True)
@@ -45,8 +54,8 @@ def message(order: dict[str, Any]) -> Any:
     return pose
 
 
-def publish(order: dict[str, Any]) -> None:
-    """In the forked process."""
+def publish(order: dict[str, Any], found: int) -> None:
+    """In the forked process; what is written to `found` says that there is a publisher."""
     rclpy.init()
     node = rclpy.create_node(f"_ros2cli_{os.getpid()}", start_parameter_services=False)
     try:
@@ -56,6 +65,7 @@ def publish(order: dict[str, Any]) -> None:
         wanted, qos = message(order), QoSPresetProfiles.DEFAULT.value
         publisher = node.create_publisher(type(wanted), order["topic"], qos)
         say(event="waits")
+        os.write(found, b"+")
         while publisher.get_subscription_count() < 1:
             time.sleep(0.1)
         count = 0
@@ -78,16 +88,26 @@ def publish(order: dict[str, Any]) -> None:
 
 
 def start(order: dict[str, Any]) -> int:
-    child = os.fork()
-    if child:
-        return child
-    status = 1
-    try:
-        with suppress(KeyboardInterrupt, ExternalShutdownException):
-            publish(order)
-        status = 0
-    finally:
-        os._exit(status)
+    while True:
+        reader, writer = os.pipe()
+        child = os.fork()
+        if not child:
+            status = 1
+            try:
+                with suppress(KeyboardInterrupt, ExternalShutdownException):
+                    publish(order, writer)
+                status = 0
+            finally:
+                os._exit(status)
+        os.close(writer)
+        # Readable too if the process has ended.
+        found, _, _ = select.select([reader], [], [], LOCKED_S)
+        os.close(reader)
+        if found:
+            return child
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        say(event="locked_up")
 
 
 def main() -> None:

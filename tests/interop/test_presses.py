@@ -115,12 +115,16 @@ def test_each_press_and_each_pose_of_a_fresh_process_of_ros_2_arrives(scene):
         waits = [presser.press(how) for how in islice(cycle(ways), count)]
         for x in range(1, POSES + 1):
             presser.set_pose(float(x))
-        return waits
+        return waits, sum(event["event"] == "locked_up" for event in presser.peer.events)
 
+    locked_up = 0
     with ThreadPoolExecutor(len(kinds)) as pool:
-        for kind, waits in zip(kinds, pool.map(use, range(len(kinds))), strict=True):
-            print(kind, waits)
+        for kind, (waits, times) in zip(kinds, pool.map(use, range(len(kinds))), strict=True):
+            print(kind, waits, f"{times} processes locked themselves up")
             assert None not in waits
+            locked_up += times
+    # Once in thousands of starts: more would be ours, or worth a word in docs/ros2.md.
+    assert locked_up <= 1
 
 
 def test_each_call_of_a_fresh_native_process_engages_and_releases(

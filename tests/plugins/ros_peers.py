@@ -6,6 +6,7 @@ import json
 import os
 import random
 import re
+import signal
 import socket
 import subprocess
 import threading
@@ -164,11 +165,12 @@ class Peer:
         assert self.process.stdin is not None
         with suppress(BrokenPipeError):
             self.process.stdin.close()
-        try:
+        with suppress(subprocess.TimeoutExpired):
             self.process.wait(patience_s)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait()
+        # Also what it started: a process that goes on keeps the pipe open.
+        with suppress(ProcessLookupError):
+            os.killpg(self.process.pid, signal.SIGKILL)
+        self.process.wait()
         self.reader.join()
         assert self.process.stdout is not None
         self.process.stdout.close()
@@ -212,7 +214,7 @@ def start_peer(command: list[str], log: Path, environ: dict[str, str] | None = N
     with log.open("w") as stderr:
         process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=stderr, text=True,
-            env=environ,
+            env=environ, start_new_session=True,
         )  # fmt: skip
     peer = Peer(process, log)
     peer.await_event(lambda e: e["event"] == "ready", f"{command[0]} to be ready")
