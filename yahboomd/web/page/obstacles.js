@@ -1,4 +1,4 @@
-// Why this page may not drive now, in plain words: as few as two lines of a phone on its side hold at twice the text.
+// Why this page may not drive now, in plain words. Those that stay are short: two lines of a phone on its side at twice the text.
 
 import { duration } from "./dom.js";
 
