@@ -174,7 +174,7 @@ def test_pictures_that_come_late_through_the_network_never_look_live(
 ) -> None:
     """New ones arrive all the time: each is older than half a second when it does."""
     robot.network.delay_s = 0.4
-    # What was asked for before comes late by half as much, and is live for a moment.
+    # The picture that was asked for before is half as late, and live for a moment.
     for _ in range(2):
         before = looking.evaluate(PICTURE)
         looking.until(f"({PICTURE}) !== '{before}'")

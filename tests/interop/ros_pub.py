@@ -55,7 +55,7 @@ def message(order: dict[str, Any]) -> Any:
 
 
 def publish(order: dict[str, Any], found: int) -> None:
-    """In the forked process; what is written to `found` says that there is a publisher."""
+    """In the forked process: writes a byte to `found` once there is a publisher."""
     rclpy.init()
     node = rclpy.create_node(f"_ros2cli_{os.getpid()}", start_parameter_services=False)
     try:

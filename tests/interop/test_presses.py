@@ -123,7 +123,7 @@ def test_each_press_and_each_pose_of_a_fresh_process_of_ros_2_arrives(scene):
             print(kind, waits, f"{times} processes locked themselves up")
             assert None not in waits
             locked_up += times
-    # Once in thousands of starts: more would be ours, or worth a word in docs/ros2.md.
+    # It is rare: more would be a fault of ours, or more than docs/ros2.md says.
     assert locked_up <= 1
 
 

@@ -1,4 +1,4 @@
-// Why this page may not drive now, in plain words. Those that stay are short: two lines of a phone on its side at twice the text.
+// Why this page may not drive now, in plain words. Those that stay fit two lines of a phone on its side, at twice the text.
 
 import { duration } from "./dom.js";
 
@@ -17,11 +17,11 @@ export function obstacle(connection, live) {
   if (hello.role !== "driver") return "This phone may watch and stop, not drive.";
   const daemon = live.newest("daemon");
   // The header has the daemon's own words.
-  if (daemon && !daemon.alive) return "No yahboomd answers. The page comes back by itself.";
+  if (daemon && !daemon.alive) return "No yahboomd answers. The page waits for it.";
   const status = live.sample("status");
   if (status?.state === "estopped") return "Emergency stop: release it to drive.";
   if (status?.state === "fault") return "Fault, see above: clear it to drive.";
-  if (status && !KNOWN.includes(status.state)) return "This page does not know the state: see above.";
+  if (status && !KNOWN.includes(status.state)) return "State unknown to this page: see above.";
   if (hello.barred) return hello.barred;
   if (status?.state === "waiting") return "The robot waits: see above.";
   const control = live.newest("control");
