@@ -9,6 +9,7 @@ MINUTES ?= 2
 SEED    ?= 1
 ROOM    ?= drive
 SAMPLE  ?= 120
+TIER    ?= test
 # One of them computes, the others wait in real time, and the last two begin once nothing computes or
 # floods (tests/plugins/lanes.py). WORKERS=0 runs all in one.
 CORES := $(shell getconf _NPROCESSORS_ONLN)
@@ -91,7 +92,7 @@ schemas-check: $(VENV)/.dev
 	$(PY) -m yahboomd.tools.schemas.asyncapi --check schemas
 
 ##@ Suites that need other languages, or more time (.ci/run runs their short forms)
-.PHONY: interop interop-figures ros-programs generators asyncapi clients browser firmware firmware-long metrics fuzz mutants soak alarms
+.PHONY: interop interop-figures ros-programs generators asyncapi clients browser firmware firmware-long metrics fuzz mutants planted-faults soak alarms
 # Its peers keep the cores busier than what waits elsewhere.
 interop: WORKERS = $(CORES)
 interop: $(VENV)/.dev ## build the real ROS 2 peers once (in a cache outside the tree), drive through them
@@ -144,6 +145,9 @@ $(VENV)/.mutants: pyproject.toml make/bootstrap.py $(VENV)/.dev
 
 mutants: $(VENV)/.mutants ## do tests notice one-token changes? ROOM=drive SAMPLE=120 SEED=1 (pure rooms; minutes to hours)
 	@exec $(PY) make/mutants.py $(ROOM) --sample $(SAMPLE) --seed $(SEED) $(ARGS)
+
+planted-faults: $(VENV)/.dev ## which tests find faults put in by hand? TIER=test (or quick, all; hours; ARGS='NAME --only tests/link': minutes)
+	@exec $(PY) make/planted_faults.py --tier $(TIER) $(ARGS)
 
 soak: $(VENV)/.run ## daemon and simulated board through all faults: MINUTES=60 SEED=1
 	@exec $(PY) -m benchmarks.soak --minutes $(MINUTES) --seed $(SEED) $(ARGS)
