@@ -10,16 +10,14 @@ SEED    ?= 1
 ROOM    ?= drive
 SAMPLE  ?= 120
 TIER    ?= test
-# One of them computes, the others wait in real time, and the last two begin once nothing computes or
-# floods (tests/plugins/lanes.py). WORKERS=0 runs all in one.
-CORES := $(shell getconf _NPROCESSORS_ONLN)
-WORKERS ?= $$(($(CORES) + 2))
+# Half of the tests of processes wait, so that four of them keep two cores busy.
+WORKERS ?= $(shell expr 2 '*' $$(getconf _NPROCESSORS_ONLN))
 # The tests start hundreds of Python processes, which need not compile yahboomd each time.
 PYTEST := PYTHONDONTWRITEBYTECODE= $(PY) -m pytest
 PARALLEL = -n $(WORKERS) --dist loadgroup
 # Suites with targets of their own: they need programs of other languages.
 OWN_TARGETS := interop generators clients browser firmware
-# Robots that drive, though on virtual time.
+# Whole simulated robots, which `make quick` leaves out.
 WHOLE_ROBOTS := faults whole benchmarks tools/calibrate tools/setup tools/tune moves/test_mover.py
 REST := $(if $(findstring tests/,$(ARGS)),,$(OWN_TARGETS:%=--ignore=tests/%))
 
@@ -45,27 +43,20 @@ run: $(VENV)/.run ## start daemon, page and moves: on a simulated board, or on a
 	@exec $(PY) make/make_run.py $(if $(PORT),--port $(PORT)) $(ARGS)
 
 ##@ Check a change
-.PHONY: quick single-rooms test check grids lint types imports schemas schemas-check
-quick: $(VENV)/.dev ## in a minute: lint, types, imports, tests of single rooms without processes
-	@$(MAKE) --no-print-directory -j lint types imports single-rooms
+.PHONY: quick test test-all fixed lint types imports schemas schemas-check
+quick: $(VENV)/.dev ## a minute: lint, types, imports, and the tests that start no process and drive no robot
+	@$(MAKE) --no-print-directory -j lint types imports
+	$(PYTEST) -q $(PARALLEL) --hypothesis-profile=few -m "not realtime and not nightly" $(WHOLE_ROBOTS:%=--ignore=tests/%) $(REST) $(ARGS)
 
-single-rooms: $(VENV)/.dev
-	$(PYTEST) -q -n $(CORES) --hypothesis-profile=few -m "not realtime" $(WHOLE_ROBOTS:%=--ignore=tests/%) $(REST) $(ARGS)
+test: fixed ## four minutes: every claim of the daemon once, with one real process for each promise (ARGS='tests/drive -x': these only)
+	$(PYTEST) $(PARALLEL) -m "not nightly" $(REST) $(ARGS)
 
-test: $(VENV)/.dev check ## set up, and pass every check of the daemon (ARGS='tests/drive -x' runs these tests only)
+test-all: fixed ## hours: also every case of each fault, the other languages, ROS 2, the browser, the firmwares, the installed service
+	$(PYTEST) $(PARALLEL) $(REST)
+	@$(MAKE) --no-print-directory interop clients generators browser firmware site system-test
 
-check: $(VENV)/.dev ## the same in the environment that is there
-	@$(MAKE) --no-print-directory -j $(CORES) lint types imports schemas-check compiled
-	$(PYTEST) $(PARALLEL) $(REST) $(ARGS)
-
-# Each process of tests would compile all of them for itself, at the same time. Errors are shown there.
-.PHONY: compiled
-compiled: $(VENV)/.dev
-	@$(PYTEST) -q --collect-only $(REST) $(ARGS) >/dev/null 2>&1 || true
-
-grids: $(VENV)/.dev ## every case of the tests of which `make test` takes a share: faults at all times, on all lines (three minutes)
-	YAHBOOMD_GRIDS=1 $(PYTEST) $(PARALLEL) -m share tests $(ARGS)
-	YAHBOOMD_GRIDS=1 $(PYTEST) tests/benchmarks/test_command_line.py $(ARGS)
+fixed: $(VENV)/.dev
+	@$(MAKE) --no-print-directory -j lint types imports schemas-check
 
 lint: $(VENV)/.dev ## style and format
 	$(BIN)/ruff check .

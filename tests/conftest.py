@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
-import functools
 import gc
-import importlib
 import os
 import shutil
 import signal
+import zlib
+from collections import defaultdict
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
 from pathlib import Path
 from typing import Any
@@ -17,8 +16,6 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, settings
 from real_robot import client, real_robot
-from shares import pytest_collection_modifyitems
-from standstill import pytest_runtest_protocol, pytest_terminal_summary
 from zenoh_fixtures import zenoh_router
 
 from yahboomd.blackbox.ring_file import ring_folder
@@ -34,12 +31,6 @@ for _number, _usual in (
     if signal.getsignal(_number) is signal.SIG_IGN:
         signal.signal(_number, _usual)
 
-
-NICE = os.nice(0)
-
-REAL = {"fake_daemon", "real_robot", "simulated_board", "site", "terminal", "zenoh_app"}
-"""Fixtures of processes, terminals and sessions, which wait in real time."""
-
 # The duration of an example depends on how busy the machine is, not on the code.
 settings.register_profile(
     "explore", deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=False
@@ -50,50 +41,6 @@ settings.register_profile("same examples", settings.get_profile("explore"), dera
 # The short loop of `make quick`.
 settings.register_profile("few", settings.get_profile("same examples"), max_examples=20)
 settings.load_profile("same examples")
-
-
-@pytest.hookimpl(optionalhook=True)
-def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Tests that wait and tests that compute run side by side."""
-    if config.getoption("dist") != "loadgroup":
-        return None
-    return importlib.import_module("lanes").Lanes(config, log)
-
-
-def pytest_sessionstart(session: pytest.Session) -> None:
-    """A process that computes is a session of its own, which then weighs less than the others'.
-
-    The kernel shares a processor among sessions, whatever their processes' priorities are, and its
-    own threads, which pass the bytes of a pty on, are beside them.
-    """
-    lanes = getattr(session.config.option, "loadgroup", False)
-    number = os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")
-    if lanes and importlib.import_module("lanes").computes(int(number)):
-        with contextlib.suppress(OSError):
-            os.setsid()
-
-
-@functools.lru_cache(maxsize=1)
-def weigh(nice: int) -> None:
-    """Set the niceness of this process's session, unless it is set already."""
-    with contextlib.suppress(OSError):
-        Path("/proc/self/autogroup").write_text(str(nice), encoding="ascii")
-
-
-@pytest.hookimpl(tryfirst=True)
-def pytest_runtest_setup(item: pytest.Item) -> None:
-    """A process that runs what only computes lets those go first that have to be in time."""
-    marked = item.get_closest_marker("realtime")
-    # Unmarked, it would run among those that compute, and starve.
-    assert marked or REAL.isdisjoint(item.fixturenames), "mark it realtime"
-    marked = marked or item.get_closest_marker("xdist_group")
-    lanes = getattr(item.config.option, "loadgroup", False)
-    if lanes:
-        # Without permission a process stays in its session.
-        with contextlib.suppress(OSError):
-            os.setpriority(os.PRIO_PROCESS, 0, NICE if marked else NICE + 10)
-        if os.getsid(0) == os.getpid():
-            weigh(0 if marked else 5)
 
 
 @pytest.hookimpl(wrapper=True)
@@ -107,11 +54,24 @@ def pytest_collection() -> Iterator[None]:
         gc.enable()
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the cases of a test beyond ``@pytest.mark.cases(NUMBER)``: they are nightly.
+
+    A checksum of their names picks them, so that each run takes the same ones.
+    """
+    tests: dict[tuple[str, int], list[pytest.Item]] = defaultdict(list)
+    for item in items:
+        if marker := item.get_closest_marker("cases"):
+            tests[item.nodeid.partition("[")[0], marker.args[0]].append(item)
+    for (_, number), cases in tests.items():
+        cases.sort(key=lambda case: zlib.crc32(case.nodeid.encode()))
+        for case in cases[number:]:
+            case.add_marker("nightly")
+
+
 __all__ = [
     "client",
-    "pytest_collection_modifyitems",
-    "pytest_runtest_protocol",
-    "pytest_terminal_summary",
     "real_robot",
     "virtual_time_run",
     "zenoh_router",

@@ -8,13 +8,12 @@ import sys
 from pathlib import Path
 
 import pytest
-from shares import all_cases
 
 from benchmarks import results
 
 ROOT = Path(__file__).resolve().parents[2]
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.realtime, pytest.mark.nightly]
 
 
 def start(where: Path, *arguments: str) -> subprocess.Popen[str]:
@@ -47,19 +46,16 @@ BENCHMARKS = {
 }
 
 
-TRIED = list(BENCHMARKS) if all_cases() else list(BENCHMARKS)[::3]
-
-
 def test_a_short_run_of_a_benchmark_writes_its_results_tables_and_pictures(
     tmp_path: Path,
 ) -> None:
     # They wait for most of their time, and short ones may disturb each other.
     with contextlib.ExitStack() as stack:
-        runs = {name: start(tmp_path / name, "--short", name) for name in TRIED}
+        runs = {name: start(tmp_path / name, "--short", name) for name in BENCHMARKS}
         for run in runs.values():
             stack.callback(run.kill)
         ends = {name: run.communicate() for name, run in runs.items()}
-    for name in TRIED:
+    for name in BENCHMARKS:
         words, images = BENCHMARKS[name]
         assert runs[name].returncode == 0, ends[name][1]
         page = (tmp_path / name / "benchmarks.md").read_text()

@@ -201,7 +201,7 @@ def copies(bench: FaultBench, command: bytes, times: int) -> None:
     bench.intake.handler("cmd_vel")([arrival] * times)
 
 
-@pytest.mark.share(3)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("times", [1, 8, 32])
 @on_virtual_time

@@ -61,7 +61,7 @@ def base(
     return FaultBench(tmp_path, [*BASES[drive], *limits], simulation)
 
 
-@pytest.mark.share(3)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("limits", [[], UNLIMITED], ids=["limited", "unlimited"])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("drive", BASES)
@@ -148,7 +148,7 @@ async def test_a_start_that_the_port_holds_back_accuses_no_wheel(
         assert min(bench.rim_speeds) > 0.25
 
 
-@pytest.mark.share(2)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize(
     ("dialect", "loss"),
     [*itertools.product(DIALECTS, (0.02, 0.05)), ("streamed", 0.08)],

@@ -28,7 +28,7 @@ GARBAGE = b"\xff\x00garbage" * 20
 PAYLOADS = {"commands": b'{"vx": 0.3}', "garbage": GARBAGE, "megabytes": b"{" + b" " * 1_000_000}
 
 
-@pytest.mark.share(3)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("payload", PAYLOADS.values(), ids=PAYLOADS)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time

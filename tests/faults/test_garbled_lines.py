@@ -53,7 +53,7 @@ class Witness:
         return most > 1.5 * abs(wish) + 0.1 or (wish * seen < 0.0 and most > 0.03)
 
 
-@pytest.mark.share(3)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("share", [0.01, 0.05])
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("dialect", DIALECTS)
@@ -135,7 +135,7 @@ async def test_frames_that_lose_their_ends_do_not_melt_into_one_that_hangs_the_b
         assert bench.standing
 
 
-@pytest.mark.share(3)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time

@@ -29,7 +29,7 @@ async def ended(bench: QueueingBench) -> None:
     await asyncio.gather(bench.tasks[0], return_exceptions=True)
 
 
-@pytest.mark.share(3)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("rate", [100.0, 200.0, 1000.0])
 @on_virtual_time
@@ -61,7 +61,7 @@ async def test_behind_a_slow_port_a_stop_waits_for_one_frame_at_most(
                 assert "bytes/s of 11520" in bench.events("port_slow")[0]
 
 
-@pytest.mark.share(2)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("drops", [True, False], ids=["uart", "usb"])
 @pytest.mark.parametrize("stall_s", [0.1, 0.29, 0.5, 1.0, 1.5, 2.0])
@@ -100,7 +100,7 @@ async def test_an_end_on_a_port_that_never_sends_is_bounded_and_claims_nothing(
         assert "the port did not take all of it" in bench.events("stop_not_seen")[0]
 
 
-@pytest.mark.share(3)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("drops", [True, False], ids=["uart", "usb"])
 @pytest.mark.parametrize("stall_s", [0.1, 0.25, 0.5, 1.0, 2.0])
@@ -125,7 +125,7 @@ async def test_after_a_stall_no_motion_follows_a_stop_that_was_engaged_during_it
             assert bench.fastest_since(stood_ns) < 0.03
 
 
-@pytest.mark.share(3)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize(
     ("drops", "tells", "stalls_s"),

@@ -106,7 +106,7 @@ async def test_lines_that_arrive_in_one_burst_are_never_stamped_in_the_future(
         assert not ALARMS & set(bench.heard.kinds)
 
 
-@pytest.mark.share(2)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("for_s", [0.3, 0.6, 1.2, 1.9])
 @on_virtual_time
@@ -168,7 +168,7 @@ class ReadingBench(LateBench):
         return self.ports[-1]
 
 
-@pytest.mark.share(3)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("for_s", [0.35, 0.5, 0.8, 1.1, 1.4, 1.8])
 @on_virtual_time
@@ -195,7 +195,7 @@ def pose_off_m(bench: LateBench) -> float:
     return math.hypot(pose.x - true.x, pose.y - true.y)
 
 
-@pytest.mark.share(3)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("ticks", [NEAR, FAR], ids=["near", "far"])
 @pytest.mark.parametrize(("dialect", "pace"), BOARDS)
 @pytest.mark.parametrize("for_s", [0.5, 0.9, 1.5, 3.0, 10.0])
@@ -224,7 +224,7 @@ async def test_a_pause_costs_no_travel_though_the_kernel_dropped_the_newest_line
             assert off < 0.03 + 3.0 * math.sqrt(estimate.twist_covariance[0])
 
 
-@pytest.mark.share(2)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("pace", ["measured", "wire"])
 @pytest.mark.parametrize("for_s", [0.5, 0.9, 1.5, 10.0])
 @on_virtual_time
@@ -245,7 +245,7 @@ async def test_after_a_pause_a_stream_that_ran_on_shows_that_nothing_is_unknown(
         assert math.sqrt(bench.heard.estimates[-1].pose_covariance[0]) < 0.05
 
 
-@pytest.mark.share(4)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("command", ["freeze", "hold"])
 @pytest.mark.parametrize("for_s", [0.2, 0.3, 0.35, 0.5, 0.7, 0.9])
@@ -272,7 +272,7 @@ async def test_a_stall_of_a_board_that_fills_the_wire_publishes_no_speed_that_is
             assert off < 0.03 + 3.0 * math.sqrt(estimate.twist_covariance[0])
 
 
-@pytest.mark.share(3)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("towards_zero", [False, True])
 @pytest.mark.parametrize(("dialect", "pace"), BOARDS)
 @pytest.mark.parametrize("after_s", [0.1, 0.6, 1.2])
@@ -324,7 +324,7 @@ async def test_answers_that_stall_publish_no_speed_that_is_too_high(
         assert bench.controller._odometer.counters["odometry_unsure"] > 0
 
 
-@pytest.mark.share(4)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("stall_s", [0.1, 0.2, 0.28, 0.4, 0.7, 0.95])
 @on_virtual_time
@@ -362,7 +362,7 @@ async def test_answers_that_stall_for_longer_are_a_gap_without_a_dash(
         assert not ALARMS & set(bench.heard.kinds)
 
 
-@pytest.mark.share(2)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("dialect", ["streamed", "polled"])
 @pytest.mark.parametrize("held_s", [0.16, 0.2, 0.24, 0.28])
 @on_virtual_time
@@ -430,7 +430,7 @@ async def test_a_tick_that_changes_while_the_board_runs_is_noticed(tmp_path: Pat
         assert bench.heard.kinds == kinds
 
 
-@pytest.mark.share(3)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("dialect", ["streamed", "polled"])
 @on_virtual_time

@@ -79,7 +79,7 @@ async def test_unseen_wheels_of_a_stream_are_stopped_as_soon_however_seldom_othe
         assert first_stop_ns(bench.orders_since(now_ns)) - now_ns <= 350 * MS
 
 
-@pytest.mark.share(2)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("fault", ["mute 0.8", "mute 3", "babble 3", "hang"])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
@@ -103,7 +103,7 @@ async def test_unseen_wheels_are_stopped_after_300_ms(
         assert alive(bench)
 
 
-@pytest.mark.share(3)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("fault", ["mute 0.8", "mute 3", "babble 3", "brown-out 0.5", "reset"])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
@@ -120,7 +120,7 @@ async def test_a_board_that_is_heard_again_drives_again_by_itself(
         assert alive(bench)
 
 
-@pytest.mark.share(3)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("stopped_s", [None, 0.0, 0.05, 0.2])
 @pytest.mark.parametrize("for_s", [0.3, 0.6, 0.8])
 @pytest.mark.parametrize("dialect", ["streamed", "polled"])
@@ -165,7 +165,7 @@ async def test_a_board_that_hangs_needs_a_reset_and_drives_after_it(
 # A line that garbles.
 
 
-@pytest.mark.share(2)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("noise", ["loss 0.2", "loss 0.05", "corruption 0.2", "corruption 0.02"])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
@@ -233,7 +233,7 @@ class HalvingBench(FaultBench):
         return self.port
 
 
-@pytest.mark.share(3)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("every", [2, 3, 7])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
@@ -320,7 +320,7 @@ async def test_a_board_that_keeps_resetting_is_left_alone_until_a_person_came(
 
 
 # It comes back just after an attempt, at 1.51 s.
-@pytest.mark.share(3)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("away_s", [0.05, 0.5, 1.51, 3.0, 30.0])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
@@ -346,7 +346,7 @@ async def test_after_a_replug_the_wheels_are_stopped_before_anything_else(
         assert alive(bench)
 
 
-@pytest.mark.share(3)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("code", [errno.EIO, errno.ENODEV, errno.ENXIO, errno.EBADF, None])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time

@@ -57,7 +57,7 @@ def left_plausibility_ns(bench: FaultBench, since_ns: int, wheel: int, sign: int
     return None
 
 
-@pytest.mark.share(3)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("motion", MOTIONS)
 @pytest.mark.parametrize("fault", RUNAWAYS)
 @pytest.mark.parametrize("dialect", DIALECTS)
@@ -166,7 +166,7 @@ async def test_a_fault_in_mid_motion_ends_in_standstill(
         assert "right" in why
 
 
-@pytest.mark.share(3)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("loss", [0.0, 0.02])
 @pytest.mark.parametrize("dead_zone", [1600, 1900])
 @pytest.mark.parametrize("speed", [0.0125, 0.02, 0.03, 0.07])
@@ -191,7 +191,7 @@ async def test_a_dead_encoder_at_a_crawl_is_cut_within_45_mm_or_1750_ms_and_runs
         assert bench.standing
 
 
-@pytest.mark.share(2)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("dead_zone", [1600, 1900])
 @pytest.mark.parametrize(("speed", "half_s"), [(0.07, 0.3), (0.07, 0.5), (0.03, 0.6), (0.02, 1.0)])
 @on_virtual_time
@@ -270,7 +270,7 @@ async def test_after_a_cut_no_zero_speed_wakes_the_speed_loop_again(
         assert {order for _, order in bench.orders_since(at_ns)} == {SUREST[dialect]}
 
 
-@pytest.mark.share(2)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("faults", [*RUNAWAYS, *SILENT])
 @pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time

@@ -58,7 +58,7 @@ def said_m(bench: FaultBench, what: str) -> float:
     )
 
 
-@pytest.mark.share(3)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("away_s", [0.1, 1.0, 4.0])
 @pytest.mark.parametrize("fault", ["unplug", "mute", "babble"])
 @pytest.mark.parametrize("dialect", DIALECTS)
@@ -129,7 +129,7 @@ async def test_where_a_reset_is_possible_the_pose_holds_and_an_event_says_what_i
         assert_no_jump(bench.heard.estimates)
 
 
-@pytest.mark.share(2)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("again_s", [None, 0.0, 0.002, 0.004, 0.01, 0.05, 0.3])
 @pytest.mark.parametrize("fault", ["reset", "brown-out 0.05"])
 @on_virtual_time
@@ -158,7 +158,7 @@ async def test_a_reset_while_the_plug_is_out_is_no_travel_even_where_the_plug_co
         assert 3.0 * math.sqrt(after.pose_covariance[0]) > error_m(bench, after)
 
 
-@pytest.mark.share(3)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("fault", ["reset", "brown-out 0.05", "brown-out 0.5"])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
@@ -231,7 +231,7 @@ SEQUENCES = [(DIALECTS[seed % 2], seed) for seed in range(20)]
 SEQUENCES += [(dialect, seed) for dialect in OURS_ALONE for seed in range(30, 45)]
 
 
-@pytest.mark.share(3)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize(("dialect", "seed"), SEQUENCES)
 @on_virtual_time
 async def test_no_sequence_of_faults_makes_the_pose_jump_or_the_covariance_shrink(

@@ -44,7 +44,7 @@ def stamped(bench: FaultBench, vx: float, ago_s: float) -> bytes:
     return json.dumps({"vx": vx, "stamp_ns": bench.clock.wall_ns() - round(ago_s * 1e9)}).encode()
 
 
-@pytest.mark.share(3)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("for_s", [0.35, 0.6, 0.9, 1.2, 1.5, 1.9])
 @on_virtual_time
@@ -90,7 +90,7 @@ async def test_what_was_commanded_before_a_pause_is_over_and_the_stop_is_the_fir
         assert not ALARMS & set(bench.heard.kinds)
 
 
-@pytest.mark.share(2)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("for_s", [0.6, 0.9, 1.2, 1.9])
 @on_virtual_time

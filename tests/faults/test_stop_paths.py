@@ -76,7 +76,7 @@ AT_ONCE = [
 ]
 
 
-@pytest.mark.share(2)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("dialect", EVERY_DIALECT)
 @pytest.mark.parametrize("end", AT_ONCE)
 @on_virtual_time
@@ -106,7 +106,7 @@ async def test_the_stop_is_on_the_wire_within_50_ms_and_nothing_moves_after_it(
                 await asyncio.gather(task, return_exceptions=True) if task.done() else None
 
 
-@pytest.mark.share(3)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("dialect", EVERY_DIALECT)
 @pytest.mark.parametrize("end", AT_ONCE)
 @on_virtual_time
@@ -146,7 +146,7 @@ async def test_a_speed_that_waits_its_turn_is_not_said_after_the_last_stop(
             assert all(is_stop(order) for _, order in orders)
 
 
-@pytest.mark.share(3)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("end", AT_ONCE)
 @pytest.mark.parametrize(("dialect", "last"), SUREST.items())
 @on_virtual_time

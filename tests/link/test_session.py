@@ -225,7 +225,7 @@ class LateBoard(Bench):
         )
 
 
-@pytest.mark.share(3)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("without", [b"", b"read_flash:OK!\r\n", b"wheel_diameter:67.000\r\n"])
 @pytest.mark.parametrize("rtt_ms", [0, 20, 28, 80, 200, 260, 400, 500])
 @on_virtual_time

@@ -512,7 +512,7 @@ async def test_a_robot_stands_soon_after_its_client_is_lost(
         assert await bench.lose(loss, after_s) < most_s
 
 
-@pytest.mark.share(3)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("hours", [-9.0, -0.00007, 0.0001, 9.0])
 @pytest.mark.parametrize("whose", [(1, 0), (0, 1), (1, 1)])
 @on_virtual_time

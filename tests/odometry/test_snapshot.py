@@ -83,7 +83,7 @@ def apply(odometer: Odometer, kind: str, value):
     return call() if value is None else call(value)
 
 
-@pytest.mark.share(2)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("fused", [False, True])
 @pytest.mark.parametrize("board", BOARDS)
 @pytest.mark.parametrize("seed", [1, 2])

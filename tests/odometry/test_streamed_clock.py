@@ -116,7 +116,7 @@ def test_where_it_hardly_wanders_a_timer_of_sixteen_milliseconds_leaves_four(kit
     assert max(map(abs, heard.locked_ms)) < 4.5
 
 
-@pytest.mark.share(3)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("profile", [rest, crawl, stop_and_go, steady])
 @pytest.mark.parametrize("timer_ms", [0.0, 1.0007, 16.0041])
 def test_stamps_are_within_ten_milliseconds_whatever_moves(kit, profile, timer_ms):

@@ -91,7 +91,7 @@ async def test_a_streamed_pose_belongs_to_its_stamp_whatever_the_line_adds(
         assert max(abs(late[0]), abs(late[-1])) < 1.0
 
 
-@pytest.mark.share(2)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("seed", range(6))
 @on_virtual_time
 async def test_a_streamed_pose_behind_a_line_with_jitter_belongs_to_its_stamp_within_about_1_ms(
