@@ -2,43 +2,85 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
-from yahboomd.core.protocol.profiles import PROFILES, alike
+from yahboomd.core.protocol.profiles import PROFILES, alike, of_its_board
 from yahboomd.tools.calibrate.estimates.gear import another_gear, fits, fitting
 
-KNOWN = alike(PROFILES["520"])
+ALL = tuple(PROFILES.values())
 
 
-def test_the_vendors_cars_are_no_candidates_for_the_four_channel_board() -> None:
-    assert {each.name for each in KNOWN} == {"520", "520-1:19", "520-1:56", "l520", "310", "tt"}
-    assert "x3" in {each.name for each in alike(PROFILES["x1"])}
+def named(factor: float, own: str) -> str:
+    return another_gear(factor, PROFILES[own], alike(PROFILES[own]), of_its_board(PROFILES[own]))
 
 
-@pytest.mark.parametrize("true", ["520-1:19", "520-1:56", "l520", "310", "tt"])
+@pytest.mark.parametrize(
+    ("own", "names"),
+    [
+        ("520", {"520", "520-1:19", "520-1:56", "l520"}),
+        ("310", {"310"}),
+        ("x3", {"x3"}),
+        ("sunrise", {"sunrise"}),
+    ],
+)
+def test_alike_are_the_motors_whose_stored_type_is_the_same(own: str, names: set[str]) -> None:
+    assert {each.name for each in alike(PROFILES[own])} == names
+
+
+@pytest.mark.parametrize("own", PROFILES)
+@pytest.mark.parametrize("share", [0.97, 1.0, 1.03])
+@pytest.mark.parametrize("true", PROFILES)
+def test_no_profile_is_named_that_changes_the_type_which_the_board_stores(
+    own: str, true: str, share: float
+) -> None:
+    factor = share * PROFILES[own].ticks_per_revolution / PROFILES[true].ticks_per_revolution
+    words = named(factor, own)
+    found = re.search(r'board\.profile = "(.*)"', words)
+    if found:
+        stored, other = PROFILES[own].stored, PROFILES[found[1]].stored
+        assert (stored.get("car_type"), stored.get("motor_type")) == (
+            other.get("car_type"),
+            other.get("motor_type"),
+        )
+    elif words:
+        assert "Set chassis.ticks_per_revolution = " in words
+
+
+@pytest.mark.parametrize("true", ["520-1:19", "520-1:56", "l520"])
 @pytest.mark.parametrize("share", [0.97, 1.0, 1.03])
 def test_a_size_that_is_a_quotient_of_gears_names_the_profile(true: str, share: float) -> None:
     own, other = PROFILES["520"], PROFILES[true]
     factor = share * own.ticks_per_revolution / other.ticks_per_revolution
-    words = another_gear(factor, own, KNOWN)
-    # 1:56 with 11 lines and 1:45 with 13 are 5 % apart.
-    assert f'board.profile = "{true}"' in words or true == "tt"
+    words = named(factor, "520")
+    assert f'board.profile = "{true}"' in words
     assert f"{factor:.3f} is " in words
 
 
 def test_1_56_for_1_30_is_named_by_its_figures() -> None:
-    words = another_gear(0.536, PROFILES["520"], KNOWN)
+    words = named(0.536, "520")
     assert words.startswith("0.536 is 30/56: the gear is likely 1:56, not 1:30")
 
 
-@pytest.mark.parametrize("factor", [0.98, 1.0, 1.04, 0.6, 2.5])
+def test_an_x3_whose_wheels_count_1040_keeps_its_profile_and_gets_its_counts() -> None:
+    words = named(1320.0 / 1040.0, "x3")
+    assert "1.269 is (11 x 30)/(13 x 20): the gear is likely 1:20, not 1:30" in words
+    assert "Set chassis.ticks_per_revolution = 1040, and leave board.profile" in words
+    # What it does to the speeds.
+    assert "commands 0.79 of each speed" in words
+    assert "1.27 times as fast" in words
+    assert "sunrise" not in words
+
+
+@pytest.mark.parametrize("factor", [0.98, 1.0, 1.04, 0.48, 2.5])
 def test_a_size_that_is_no_quotient_of_gears_names_none(factor: float) -> None:
-    assert another_gear(factor, PROFILES["520"], KNOWN) == ""
+    assert named(factor, "520") == ""
 
 
 def test_what_a_person_sees_of_an_angle_is_not_exact() -> None:
     own = PROFILES["520"]
     assert fits(1320.0 * 1.1, own)
     assert not fits(1320.0 * 1.2, own)
-    assert fitting(1320.0 * 3.0, own, KNOWN) is None
-    assert fitting(2400.0, own, KNOWN) == PROFILES["520-1:56"]
+    assert fitting(1320.0 * 3.0, own, ALL) is None
+    assert fitting(2400.0, own, ALL) == PROFILES["520-1:56"]

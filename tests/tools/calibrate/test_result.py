@@ -77,6 +77,15 @@ def test_a_size_that_is_another_gear_names_the_profile_that_fits(tmp_path: Path,
     assert not path.exists()
 
 
+def test_an_x3_that_counts_1040_is_not_called_a_sunrise(tmp_path: Path, capsys) -> None:
+    geared = Fit(factors=Factors(1.27), std=GOOD.std, chi_squared=1.2, errors=GOOD.errors)
+    x3 = Config.of({"board": {"profile": "x3"}})
+    with pytest.raises(Refused, match=r"ticks_per_revolution = 1040, and leave") as refused:
+        concluded(geared, x3, tmp_path / "c.toml", method="tape", dry_run=False, person=Answers())
+    assert "sunrise" not in str(refused.value)
+    capsys.readouterr()
+
+
 def test_only_the_distance_of_the_sides_of_a_mecanum_base_is_calibrated(tmp_path: Path) -> None:
     config = read(
         None, environ={}, overrides=["chassis.preset=mecanum", "chassis.wheel_base_m=0.15"]

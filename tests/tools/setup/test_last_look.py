@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import tomllib
 from typing import Any
 
 import pytest
 from board_bench import LinkBench
 from simulated_person import SimulatedPerson, connected, set_up, true_wiring
 
+from yahboomd.core.config import Config
 from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.simulation.options import FOUR_WHEELS, TWO_WHEELS
+from yahboomd.simulation.rosmaster.rosmaster_flash import RosmasterStored
 from yahboomd.simulation.virtual_time import on_virtual_time
 from yahboomd.tools.setup.description import Given
 from yahboomd.tools.setup.last_look import judged
@@ -72,7 +75,42 @@ async def test_a_gear_that_fits_no_profile_is_written_with_the_reason() -> None:
     bench, person = robot(ratio=90.0)
     found = await set_up(bench, known("520"), person=person)
     assert found.gear.verdict == "does not fit"
-    assert "None of the profiles fits" in " ".join(written(found).split("\n# "))
+    assert "None of the vendor's gears fits" in " ".join(written(found).split("\n# "))
+
+
+X3 = Given(
+    profile="x3",
+    kinematics="mecanum",
+    wheel_diameter_mm=65.0,
+    wheel_separation_mm=169.0,
+    wheel_base_mm=160.0,
+)
+
+
+@pytest.mark.parametrize("agrees", ["y", "n"])
+@on_virtual_time
+async def test_an_x3_whose_wheels_count_1040_stays_an_x3(agrees: str) -> None:
+    stored = RosmasterStored(car_type=1)
+    bench, person = robot(
+        dialect="rosmaster",
+        drive="mecanum",
+        wiring=FOUR_WHEELS,
+        battery_volts=11.5,
+        rated_volts=11.5,
+        lines=13,
+        ratio=20.0,
+        wheel_radius_m=0.0325,
+        flash=stored,
+    )
+    person.others["Write 1040 counts"] = agrees
+    found = await set_up(bench, X3, person=person)
+    assert found.description.board == {"profile": "x3"}
+    assert bench.robot.board.flash == stored  # type: ignore[attr-defined]
+    assert not any("sunrise" in question for question in person.questions)
+    text = written(found)
+    config = Config.of(tomllib.loads(text))
+    assert config.ticks_per_revolution() == (1040.0 if agrees == "y" else 1320.0)
+    assert ("ticks_per_revolution = 1040" in text.replace("\n# ", " ")) is True
 
 
 @pytest.mark.parametrize(

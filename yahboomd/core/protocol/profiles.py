@@ -86,5 +86,19 @@ PROFILES: Final[dict[str, MotorProfile]] = {
 """The vendor's motors by name. The TT motor without encoder is missing: it gives no odometry."""
 
 
-def alike(profile: MotorProfile) -> tuple[MotorProfile, ...]:
+TYPES: Final = ("motor_type", "car_type")
+"""The stored values that say which motors, or which car, the board believes it drives. They change
+the signs of its encoders, the law of its wheels and the limits of its battery."""
+
+
+def of_its_board(profile: MotorProfile) -> tuple[MotorProfile, ...]:
     return tuple(each for each in PROFILES.values() if each.stored.keys() & profile.stored.keys())
+
+
+def alike(profile: MotorProfile) -> tuple[MotorProfile, ...]:
+    """The profiles with the same stored type: they differ in gear and wheel alone."""
+
+    def types(motors: MotorProfile) -> list[object]:
+        return [motors.stored.get(name) for name in TYPES]
+
+    return tuple(each for each in PROFILES.values() if types(each) == types(profile))

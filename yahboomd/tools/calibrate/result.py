@@ -97,12 +97,12 @@ async def _write(path: Path, calibration: Calibration) -> None:
 
 def _gear_doubts(scale: float, config: Config) -> list[str]:
     """Sentences if this size of the wheels, over the configured one, fits another gear."""
-    from yahboomd.core.protocol.profiles import alike
+    from yahboomd.core.protocol.profiles import alike, of_its_board
 
     own, (least, most) = config.profile(), RADIUS
     if least <= scale <= most or config.chassis.ticks_per_revolution is not None:
         return []
-    words = another_gear(scale, own, alike(own))
+    words = another_gear(scale, own, alike(own), of_its_board(own))
     return [words] if words else []
 
 

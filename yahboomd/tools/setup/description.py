@@ -45,6 +45,7 @@ class Description(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         board: The keys of ``[board]``.
         wheel_base_mm: From the front axle to the rear one, if the geometry needs it.
+        ticks_per_revolution: Counts in one turn of the wheel, if they are not the profile's.
     """
 
     board: Mapping[str, Any]
@@ -53,6 +54,7 @@ class Description(msgspec.Struct, frozen=True, kw_only=True):
     wheel_diameter_mm: float
     wheel_separation_mm: float
     wheel_base_mm: float | None = None
+    ticks_per_revolution: float | None = None
 
 
 async def ask_motors(

@@ -14,8 +14,8 @@ from typing import Literal, TypeAlias
 import msgspec
 
 from yahboomd.core.errors import Refused
-from yahboomd.core.protocol.profiles import MotorProfile, alike
-from yahboomd.tools.calibrate.estimates.gear import fits, fitting
+from yahboomd.core.protocol.profiles import MotorProfile, alike, of_its_board
+from yahboomd.tools.calibrate.estimates.gear import counts_instead, fits, fitting
 from yahboomd.tools.calibrate.estimates.wiring import WiredMotor, WiringFound, plain
 from yahboomd.tools.port.pulses import Pulses
 from yahboomd.tools.terminal.asking import read_number
@@ -39,12 +39,14 @@ class GearSeen(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         words: A sentence for the person; empty if it fits.
-        profile: The profile that fits instead, if there is one.
+        profile: The profile that fits instead, if one of the same stored type does.
+        ticks_per_revolution: The counts of one turn, if only other motors have them.
     """
 
     verdict: Verdict = "not checked"
     words: str = NOT_CHECKED
     profile: MotorProfile | None = None
+    ticks_per_revolution: float | None = None
 
 
 FITS = GearSeen(verdict="fits", words="")
@@ -198,17 +200,20 @@ def judged(ticks: list[float], own: MotorProfile, *, whole: bool) -> GearSeen:
     if not off:
         return FITS if whole else GearSeen()
     found = median(off)
-    other = fitting(found, own, alike(own))
     words = (
         f"The wheel turned by {180.0 * own.ticks_per_revolution / found:.0f} degrees, and half a "
         f"turn was counted with the profile {own.name} (1:{own.ratio:g}): the gear is about "
         f"1:{found / own.ticks_per_revolution * own.ratio:.0f}."
     )
-    if other is None or other.name == own.name:
-        return GearSeen(verdict="does not fit", words=f"{words} None of the profiles fits.")
-    profile = next(each for each in alike(own) if each.name == other.name)
+    same = {each.name: each for each in alike(own)}
+    fitted = fitting(found, own, same.values()) or fitting(found, own, of_its_board(own))
+    if fitted is None or fitted.ticks_per_revolution == own.ticks_per_revolution:
+        return GearSeen(verdict="does not fit", words=f"{words} None of the vendor's gears fits.")
+    if profile := same.get(fitted.name):
+        words = f"{words} The profile {profile.name} (1:{profile.ratio:g}) fits."
+        return GearSeen(verdict="does not fit", words=words, profile=profile)
     return GearSeen(
         verdict="does not fit",
-        words=f"{words} The profile {profile.name} (1:{profile.ratio:g}) fits.",
-        profile=profile,
+        words=f"{words} {counts_instead(own, fitted)}",
+        ticks_per_revolution=fitted.ticks_per_revolution,
     )

@@ -22,6 +22,7 @@ _COMMENTS = {
     "wheel_radius_m": "from the axle to the rim",
     "wheel_separation_m": "from the left wheels' middle to the right wheels'",
     "wheel_base_m": "from the front axle to the rear one",
+    "ticks_per_revolution": "counts in one turn, as seen: not the profile's",
 }
 
 
@@ -51,6 +52,8 @@ def as_toml(
     }
     if description.wheel_base_mm is not None:
         chassis["wheel_base_m"] = round(description.wheel_base_mm / 1000.0, 6)
+    if description.ticks_per_revolution is not None:
+        chassis["ticks_per_revolution"] = description.ticks_per_revolution
     lines += ["", "[chassis]", *_keys(chassis)]
     geometry = unit_geometry(description.kinematics)
     if geometry.sides:

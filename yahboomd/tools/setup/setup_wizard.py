@@ -146,21 +146,23 @@ class Wizard:
         """The description with the motors that fit the gear found, if the person agrees."""
         if gear.words:
             say(f"\n{textwrap.fill(gear.words, WIDTH)}")
+        if (ticks := gear.ticks_per_revolution) is not None:
+            if not await agrees(self._person, f"Write {ticks:g} counts to a turn?"):
+                return description, gear
+            return msgspec.structs.replace(description, ticks_per_revolution=ticks), FITS
         profile = gear.profile
         if profile is None or not await agrees(self._person, f"Take {profile.name}?"):
             return description, gear
         dialect, found = await self._examine(profile.settings)
-        await self._fit(dialect, found, profile, turns=False)
+        await self._fit(dialect, found, profile)
         board = {"profile": profile.name}
         return msgspec.structs.replace(description, board=board, profile=profile), FITS
 
-    async def _fit(
-        self, dialect: Dialect, found: Examination, profile: MotorProfile, *, turns: bool = True
-    ) -> None:
+    async def _fit(self, dialect: Dialect, found: Examination, profile: MotorProfile) -> None:
         """Show the board's settings, and store those that these motors need if the person agrees.
 
-        Args:
-            turns: Motors will be turned next.
+        Raises:
+            Refused: The board must not drive these motors as it is set up.
         """
         report = self._report(found, profile, profile.settings)
         if report.settings:
@@ -174,12 +176,12 @@ class Wizard:
             say_points(report.problems)
             count = len(report.differing)
             values = "One stored value differs" if count == 1 else f"{count} stored values differ"
-            need = "No motor may turn before." if report.problems and turns else "It does no harm."
+            need = "No motor may turn before." if report.problems else "It does no harm."
             if await agrees(self._person, f"{values}. {need} Store the profile's in the board?"):
                 await storing.store(self._opener, self._clock, profile.settings, Printed())
                 _, found = await self._examine(profile.settings)
                 report = self._report(found, profile, profile.settings)
-        if report.problems and turns:
+        if report.problems:
             raise Refused(f"No motor is turned like this. {' '.join(report.problems)}")
 
     # The wheels.

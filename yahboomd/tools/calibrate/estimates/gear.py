@@ -1,9 +1,14 @@
-"""Finds the motors that fit a wheel's counts: a wrong gear ratio is a wrong profile. Pure."""
+"""Finds the gear that fits a wheel's counts. Pure.
+
+A profile is suggested only if it has the stored type of the configured one. With another type the
+board would believe that it drives another car, with other signs of its encoders and other limits of
+its battery; then ``chassis.ticks_per_revolution`` is suggested instead.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Protocol
 
 WITHIN = 0.12
@@ -57,22 +62,41 @@ def fitting(
     return min(found, key=unlikely, default=None)
 
 
-def another_gear(factor: float, own: Motors, known: Iterable[Motors]) -> str:
+def another_gear(
+    factor: float, own: Motors, alike: Sequence[Motors], known: Iterable[Motors]
+) -> str:
     """A sentence if the error of the wheels' size is the quotient of two gears; else empty.
 
     Args:
         factor: The measured size of the wheels over the configured one.
+        alike: The motors with the same stored type.
     """
-    found = fitting(own.ticks_per_revolution / factor, own, known, within=MEASURED_WITHIN)
+    ticks = own.ticks_per_revolution / factor
+    found = fitting(ticks, own, alike, within=MEASURED_WITHIN)
+    found = found or fitting(ticks, own, known, within=MEASURED_WITHIN)
     if found is None or found.ticks_per_revolution == own.ticks_per_revolution:
         return ""
     quotient = f"{own.ratio:g}/{found.ratio:g}"
     if found.lines != own.lines:
         quotient = f"({own.lines} x {own.ratio:g})/({found.lines} x {found.ratio:g})"
-    return (
+    words = (
         f"{factor:.3f} is {quotient}: the gear is likely 1:{found.ratio:g}, not 1:{own.ratio:g} as "
-        f'the profile {own.name} has it. The profile {found.name} fits: board.profile = "'
-        f'{found.name}".'
+        f"the profile {own.name} has it."
+    )
+    if found in alike:
+        return f'{words} The profile {found.name} fits: board.profile = "{found.name}".'
+    return f"{words} {counts_instead(own, found)}"
+
+
+def counts_instead(own: Motors, found: Motors) -> str:
+    """What to set if the gear fits motors that no profile of the same stored type has."""
+    ticks, share = found.ticks_per_revolution, found.ticks_per_revolution / own.ticks_per_revolution
+    return (
+        f"Set chassis.ticks_per_revolution = {ticks:g}, and leave board.profile and the type that "
+        f"the board stores: they say which car it is. The board goes on counting "
+        f"{own.ticks_per_revolution:g} to a turn, so yahboomd commands {share:.2f} of each speed, "
+        f"and the wheels turn as commanded; a remote control or another program drives them "
+        f"{1.0 / share:.2f} times as fast as it says."
     )
 
 
