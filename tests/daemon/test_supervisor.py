@@ -28,7 +28,7 @@ from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 
 ON = "board.write_settings=true"
-UNFIT = SimulationOptions(flash=FlashContent(motor_type=2, lines=0))
+UNFIT = SimulationOptions(flash=FlashContent(lines=0))
 
 
 @on_virtual_time
@@ -39,10 +39,21 @@ async def test_a_board_set_up_for_other_motors_is_set_up_and_driven(tmp_path: Pa
         assert min(bench.rim_speeds) == pytest.approx(0.3, abs=0.03)
         stored = [each.message for each in bench.heard.events if each.kind == "setting_stored"]
         assert [words.partition(" in ")[0] for words in stored] == [
-            "Stored motor type 1",
             "Stored dead zone 1900",
             "Stored encoder lines 11",
         ]
+
+
+@on_virtual_time
+async def test_the_type_of_motor_or_car_is_never_stored_on_connecting(tmp_path: Path) -> None:
+    other = SimulationOptions(flash=FlashContent(motor_type=2, lines=0))
+    async with RobotBench(tmp_path, [ON], other) as bench:
+        await bench.until(lambda: bench.heard.kinds.count("setting_stored") == 2)
+        await bench.drive(0.5, 0.3)
+        assert bench.standing
+        assert "motor type 2" in bench.controller.state()[1]
+        flash: FlashContent = bench.robot.board.flash  # type: ignore[attr-defined]
+        assert (flash.motor_type, flash.lines) == (2, 11)
 
 
 @on_virtual_time
@@ -64,7 +75,7 @@ async def test_what_is_stored_already_is_not_written_again(tmp_path: Path) -> No
         await bench.ready()
         await bench.drive(1.0, 0.3)
         assert min(bench.rim_speeds) == pytest.approx(0.3, abs=0.03)
-        assert bench.heard.kinds.count("setting_stored") == 3
+        assert bench.heard.kinds.count("setting_stored") == 2
 
 
 @on_virtual_time

@@ -84,7 +84,7 @@ async def test_a_car_type_that_is_not_known_gets_no_speed_and_is_named(tmp_path:
         assert "car type 9" in bench.controller.state()[1]
 
 
-@pytest.mark.parametrize(("car_type", "wheel_m"), [(1, 0.0325), (2, 0.04), (6, 0.0325)])
+@pytest.mark.parametrize(("car_type", "wheel_m"), [(1, 0.0325), (2, 0.04), (6, 0.0325), (10, 0.04)])
 @on_virtual_time
 async def test_mecanum_wheels_keep_the_direction_though_one_of_them_would_be_too_fast(
     tmp_path: Path, car_type: int, wheel_m: float

@@ -13,7 +13,9 @@ from yahboomd.core.protocol.settings import BoardSettings, SettingWrite
 from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.motors import FAULTS
 from yahboomd.simulation.options import ImpairmentOptions
+from yahboomd.simulation.rosmaster.rosmaster_flash import RosmasterStored
 from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.tools.port import probing
 
 P520 = PROFILES["520"].settings
 P310 = PROFILES["310"].settings
@@ -232,6 +234,41 @@ async def test_what_is_called_stored_is_stored_on_a_line_that_loses_bytes(seed: 
     assert storing.steps
     for step in storing.steps:
         assert (step.outcome == "stored") == truly[step.write.reply_to]
+
+
+async def believed_a_sunrise() -> LinkBench:
+    """An X3, whose three cells are too much for a Sunrise: the alarm has latched."""
+    board = LinkBench(
+        dialect="rosmaster",
+        drive="mecanum",
+        battery_volts=11.4,
+        rated_volts=11.4,
+        start_up_s=10.6,
+        flash=RosmasterStored(car_type=6),
+    )
+    await board.drive(0, for_s=3.0)
+    return board
+
+
+@on_virtual_time
+async def test_the_way_back_works_on_a_board_whose_alarm_has_latched() -> None:
+    board = await believed_a_sunrise()
+    storing = await stored(board, PROFILES["x3"].settings)
+    assert [(step.outcome, step.attempts) for step in storing.steps] == [("stored", 1)]
+    assert storing.has["car_type"] == 1
+    flash: RosmasterStored = board.robot.board.flash  # type: ignore[attr-defined]
+    assert flash.car_type == 1
+    # It counts again, by the limits of an X3.
+    found = await probing.examine(board.open, board.clock, {})
+    assert found.standing is True
+
+
+@on_virtual_time
+async def test_a_latched_board_says_why_it_does_not_count() -> None:
+    board = await believed_a_sunrise()
+    found = await probing.examine(board.open, board.clock, {})
+    assert found.ticks is None
+    assert "that is the battery of another car" in found.silence
 
 
 @on_virtual_time

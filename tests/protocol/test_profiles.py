@@ -29,7 +29,7 @@ def test_the_profiles_are_the_vendors(name, motor_type, deadzone, ticks, radius_
 
 def test_there_is_no_profile_without_an_encoder():
     motors = {"520", "520-1:19", "520-1:56", "l520", "310", "tt"}
-    assert set(PROFILES) == motors | {"x3", "x3-plus", "x1", "r2", "sunrise"}
+    assert set(PROFILES) == motors | {"x3", "x3-plus", "x1", "r2", "sunrise", "m1"}
     assert all(PROFILES[name].stored["motor_type"] != 4 for name in motors)
 
 
@@ -41,6 +41,7 @@ def test_there_is_no_profile_without_an_encoder():
         ("x1", 4, 1320, 215.2),
         ("r2", 5, 836, 215.2),
         ("sunrise", 6, 1040, 204.203),
+        ("m1", 10, 2464, 251.327),
     ],
 )
 def test_the_cars_are_those_of_the_boards_firmware(name, car_type, ticks, turn_mm):

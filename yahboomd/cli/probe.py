@@ -255,6 +255,8 @@ def _write(
     stored: tuple[StoredValue, ...] = ()
     after = report
     if report.differing:
+        if report.problems and not args.json:
+            _print(["", *probe_text.verdict(report, _width())])
         if not (args.yes or agreed(len(report.differing))):
             _say(args, "Nothing was stored.")
             return FOUND_WANTING if report.problems else os.EX_OK

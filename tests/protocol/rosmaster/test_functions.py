@@ -135,15 +135,39 @@ def test_a_board_for_the_configured_car_has_no_problem():
 def test_a_car_type_that_is_not_known_refuses_motion_and_names_those_that_are(number):
     (wrong,) = findings({**GOOD, "car_type": number}, PROFILES["520"]).unfit
     assert f"car type {number}" in wrong
-    assert "1 (X3), 2 (X3 Plus), 4 (X1)" in wrong
+    assert "1 (X3), 2 (X3 Plus), 4 (X1), 5 (R2 or R2L)" in wrong
     assert "`yahboomd probe --write`" in wrong
 
 
-def test_another_car_than_the_profiles_refuses_motion():
+@pytest.mark.parametrize("profile", ["520", "x3", "m1"])
+def test_an_a1_is_named_and_refused_with_what_is_missing_and_how_to_send_it(profile):
+    (wrong,) = findings({**GOOD, "version": "3.6", "car_type": 9}, PROFILES[profile]).unfit
+    assert "car type 9 (A1), which yahboomd cannot drive yet" in wrong
+    for missing in ("circumference", "counts a turn", "track", "wheelbase", "limit of its speed"):
+        assert missing in wrong
+    assert "`yahboomd report`" in wrong
+
+
+def test_another_car_than_the_profiles_refuses_motion_and_its_own_profile_is_named_first():
     (wrong,) = findings({**GOOD, "car_type": 2}, PROFILES["x3"]).unfit
     assert "car type 2 (X3 Plus), the profile x3 needs 1 (X3)" in wrong
+    own, other = wrong.index('set board.profile = "x3-plus"'), wrong.index("probe --write")
+    assert own < other
+    assert "Only if it is an X3" in wrong
     (silent,) = findings({"version": "3.5"}, PROFILES["x3"]).unfit
     assert "did not show its car type" in silent
+
+
+@pytest.mark.parametrize(("version", "fits"), [("3.5", False), ("3.6", True), ("4.0", True)])
+def test_an_m1_needs_the_firmware_that_knows_it_and_its_first_drive_is_to_be_watched(version, fits):
+    board = {**GOOD, "version": version, "car_type": 10}
+    assert (findings(board, PROFILES["m1"]).unfit == ()) == fits
+    (advice,) = findings(board, PROFILES["m1"]).advice
+    assert "Watch the first drive" in advice
+    # As one was shipped.
+    shipped = findings({**board, "car_type": 2}, PROFILES["m1"]).unfit
+    assert "needs 10 (M1)" in shipped[0]
+    assert ("ignores the type of an M1" in shipped[-1]) != fits
 
 
 def test_gains_of_zero_are_wrong():

@@ -8,6 +8,7 @@ from yahboomd.core.drive.kinematics import KINEMATICS
 from yahboomd.core.errors import BoardError
 from yahboomd.core.model import Motor
 from yahboomd.core.protocol.profiles import NO_ENCODER_TYPE, PROFILES
+from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.core.protocol.rosmaster.functions import ICM20948, MPU9250
 from yahboomd.core.protocol.rosmaster.packets import PacketFramer, Words, frame
 from yahboomd.core.protocol.rosmaster.rosmaster import Rosmaster
@@ -91,7 +92,14 @@ def test_no_words_of_another_device_are_taken_for_its_own(text):
         (1, None, "only a reset ends"),
         (6, 8.8, "Its supply had 8.8 V at the alarm. Below 6.5 V or above 8.5 V for 2 s, it"),
         (6, 8.8, "becomes. Use the car's own battery, then"),
-        (6, 12.0, "becomes. Use the car's own battery, then"),
+        (6, 12.0, "becomes. The board is set to a Sunrise, and that is the battery of another car"),
+        (
+            6,
+            12.0,
+            "store its type with `yahboomd probe --write`, which works while the alarm",
+        ),
+        (6, 12.0, "hold its KEY1 for 10 s"),
+        (10, 9.0, "Below 9.6 V or above 13.0 V for 2 s, it"),
         (6, 6.2, "becomes. Charge or replace the battery"),
         (6, 7.4, "has 7.4 V now"),
         (None, 9.0, "on a Sunrise below 6.5 V or above 8.5 V"),
@@ -103,7 +111,20 @@ def test_its_silence_is_explained_by_its_supply_and_the_limits_of_the_car(car, v
     said = ROSMASTER.silence(volts, {} if car is None else {"car_type": car})
     assert words in said
     assert "switch the board off and on" in said
-    assert ("Sunrise" in said) == (car is None)
+    assert ("Sunrise" in said) == (car is None or (car, volts) == (6, 12.0))
+
+
+@pytest.mark.parametrize(
+    ("car", "volts", "latched"),
+    [
+        *[(1, 9.1, True), (1, 12.0, False), (1, 7.4, False), (1, 13.1, True), (1, None, False)],
+        *[(6, 12.0, True), (6, 7.4, False), (6, 6.4, True), (9, 9.1, True), (None, 12.0, False)],
+    ],
+)
+def test_a_voltage_outside_of_the_cars_limits_is_a_latched_alarm(car, volts, latched):
+    settings = {} if car is None else {"car_type": car}
+    assert ROSMASTER.brakes_until_reset(volts, settings) == latched
+    assert not DIALECTS["streamed"].brakes_until_reset(volts, settings)
 
 
 def test_wheels_are_turned_by_the_stored_car_type():

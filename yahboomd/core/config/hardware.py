@@ -88,7 +88,14 @@ def _curve_problem(curve: tuple[BatteryPoint, ...]) -> str | None:
     return None
 
 
-def _encoder_problem(profile: str) -> str | None:
+def _profile_problem(profile: str) -> str | None:
+    if profile == "r2l":
+        return "an R2L is an r2"
+    if profile == "a1":
+        return (
+            "the law of an A1's wheels is not published, so yahboomd cannot drive it yet; "
+            "docs/boards.md has what is missing, and how to send it"
+        )
     if profile.startswith("tt") and profile not in PROFILES:
         return "a TT motor without encoder gives no odometry"
     return None
@@ -97,18 +104,19 @@ def _encoder_problem(profile: str) -> str | None:
 class Board(Section):
     """The motors that the board is set up for."""
 
-    profile: Annotated[str, Checked("", _encoder_problem), Choice((*PROFILES, CUSTOM))] = key(
+    profile: Annotated[str, Checked("", _profile_problem), Choice((*PROFILES, CUSTOM))] = key(
         default="520",
         description="The motors: encoder lines, gear ratio and wheel of the vendor's kits. tt is "
-        "the TT motor with encoder; without one there is no odometry. x1, x3, x3-plus, r2 and "
-        "sunrise are the Rosmaster cars, with the car type that their board stores. custom takes "
-        "the figures from the keys below.",
+        "the TT motor with encoder; without one there is no odometry. x1, x3, x3-plus, "
+        "r2 (and R2L), sunrise and m1 are the Rosmaster cars, with the car type that their board "
+        "stores. custom takes the figures from the keys below.",
     )
     write_settings: bool = key(
         default=False,
         description="Whether connecting writes settings that differ from the profile to the "
-        "board's flash, while the wheels are at rest. If false, nothing is written: a different "
-        "motor type, or a zero, refuses motion and names `yahboomd probe --write`.",
+        "board's flash, while the wheels are at rest, but for its motor or car type. If false, "
+        "nothing is written. A different type, or a zero, refuses motion and names `yahboomd probe "
+        "--write`.",
     )
     battery_period_s: float = key(
         default=5.0,

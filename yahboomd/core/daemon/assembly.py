@@ -33,6 +33,7 @@ from yahboomd.core.model import STANDING_M_S
 from yahboomd.core.odometry.heading import CALIBRATED
 from yahboomd.core.odometry.odometer import Odometer, OdometerSettings
 from yahboomd.core.program import release_command
+from yahboomd.core.protocol.profiles import TYPES
 
 log = logging.getLogger(__name__)
 
@@ -214,6 +215,9 @@ def session(
     config: Config, clock: Clock, listener: Listener, open_it: Opener, tap: Tap = NO_TAP
 ) -> Session:
     if config.board.write_settings:
-        want = config.profile().settings
+        # A type says which car it is, and only a person knows that: `yahboomd probe --write`.
+        want = {
+            name: value for name, value in config.profile().settings.items() if name not in TYPES
+        }
         open_it = storing_opener(open_it, clock, want, listener.event, tap)
     return Session(open_it, clock, listener, session_options(config), tap)

@@ -12,8 +12,9 @@ from typing import Literal, TypeAlias
 
 import msgspec
 
-from yahboomd.core.clock import Clock, seconds, sleep_until
+from yahboomd.core.clock import Clock, nanoseconds, seconds, sleep_until
 from yahboomd.core.errors import BoardError, BoardStoresNothing
+from yahboomd.core.link import handshake
 from yahboomd.core.link.conversation import Conversation
 from yahboomd.core.link.line import Line
 from yahboomd.core.link.port import Opener
@@ -25,6 +26,10 @@ from yahboomd.core.protocol.settings import writes as settings_writes
 Outcome: TypeAlias = Literal["stored", "refused", "failed"]
 
 STORE_ATTEMPTS = 3
+
+START_LOOK_S = 0.5
+START_SPARE_S = 2.0
+"""How much longer than its usual start a board is waited for."""
 
 
 class StoringStep(msgspec.Struct, frozen=True, kw_only=True):
@@ -105,10 +110,10 @@ async def store(
         progress.begins(dialect, writes, had)
         has = had
         steps: list[StoringStep] = []
-        if writes:
-            await _stand(talk, line.port.name)
+        held = bool(writes) and await _stand(talk, line.port.name)
         for write in writes:
-            step, has = await _store_one(talk, clock, write, want)
+            step, has = await _store_one(talk, clock, write, want, restarts=held)
+            held = held and step.outcome != "stored"
             steps.append(step)
             progress.stored(step, has)
             if step.outcome != "stored":
@@ -116,15 +121,24 @@ async def store(
         return Storing(had=had, has=has, steps=tuple(steps))
 
 
-async def _stand(talk: Conversation, port: str) -> None:
-    """See the wheels stand, with the motors released and the streams off."""
+async def _stand(talk: Conversation, port: str) -> bool:
+    """See the wheels stand, with the motors released and the streams off.
+
+    Returns:
+        Whether an alarm of the board holds them, which ends with the next reset.
+    """
     report = await talk.rest()
+    if report.stood is None:
+        supply = await handshake.ask_supply(talk.line, talk.dialect)
+        if talk.dialect.brakes_until_reset(*supply):
+            return True
     if report.stood is not True:
         seen = "the wheels turn" if report.stood is False else "the counters do not come"
         raise BoardError(
             f"{port}: settings are stored with the wheels at rest only, and {seen}.",
             remedy="Nothing was stored. Hold the robot still and try again.",
         )
+    return False
 
 
 async def _read(talk: Conversation, want: BoardSettings) -> BoardSettings:
@@ -134,8 +148,13 @@ async def _read(talk: Conversation, want: BoardSettings) -> BoardSettings:
 
 
 async def _store_one(
-    talk: Conversation, clock: Clock, write: SettingWrite, want: BoardSettings
+    talk: Conversation, clock: Clock, write: SettingWrite, want: BoardSettings, *, restarts: bool
 ) -> tuple[StoringStep, BoardSettings]:
+    """Store one value and read it back.
+
+    Args:
+        restarts: An alarm holds the board, and a value that it takes restarts it.
+    """
     start_ns = clock.now_ns()
     answer = ""
     outcome: Outcome = "failed"
@@ -147,6 +166,8 @@ async def _store_one(
         await sleep_until(clock, clock.now_ns() + talk.dialect.spacing_ns)
         await talk.request(write.frame, _answers(write, said), write.timeout_s)
         answer = _words(said) or answer
+        if restarts:
+            await _started(talk, clock)
         # The answer does not decide: the stored value does.
         has = await _read(talk, want)
         if write not in settings_writes(talk.dialect.settings, has, want):
@@ -160,6 +181,19 @@ async def _store_one(
         write=write, outcome=outcome, answer=answer, attempts=attempts, took_s=took_s
     )
     return step, has
+
+
+async def _started(talk: Conversation, clock: Clock) -> None:
+    """Wait until the board answers again; it is silent while it starts."""
+    question = talk.dialect.probe or b""
+    until_ns = clock.now_ns() + nanoseconds(talk.dialect.starts_within_s + START_SPARE_S)
+
+    def answered(said: Decoded) -> bool:
+        return isinstance(said, VersionLine) and not said.after_reset
+
+    while not await talk.request(question, answered, START_LOOK_S):
+        if clock.now_ns() >= until_ns:
+            return
 
 
 def _answers(write: SettingWrite, said: list[Decoded]) -> Callable[[Decoded], bool]:

@@ -286,6 +286,17 @@ class Dialect(msgspec.Struct, frozen=True, kw_only=True):
         """
         return ""
 
+    def brakes_until_reset(self, volts: float | None, settings: BoardSettings) -> bool:  # noqa: ARG002
+        """Whether a board that answers and reports no counts holds its wheels by an alarm.
+
+        Then settings may be stored although no counts show that the wheels stand.
+
+        Args:
+            volts: The supply of its motors, if it answered with that.
+            settings: The stored values that it answered with.
+        """
+        return False
+
     # Timing on the line.
 
     spacing_ns: int

@@ -71,6 +71,7 @@ _MOTORS: Final[tuple[tuple[str, BoardSettings, int, float, float], ...]] = (
     ("x1", {"car_type": 4}, 11, 30.0, 68.5),
     ("r2", {"car_type": 5}, 11, 19.0, 68.5),
     ("sunrise", {"car_type": 6}, 13, 20.0, 65.0),
+    ("m1", {"car_type": 10}, 11, 56.0, 80.0),
 )
 
 PROFILES: Final[dict[str, MotorProfile]] = {

@@ -10,6 +10,7 @@ from yahboomd.simulation.plant import Plant
 from yahboomd.simulation.rosmaster.car_types import (
     CAR_TYPES,
     KEEPS_ANGLE,
+    M1,
     R2,
     SUNRISE,
     X3_PLUS,
@@ -25,8 +26,12 @@ BRAKED = 1
 STOPS, BRAKES = 0, 7
 """The states of function 11 that are not a velocity."""
 
-COUNTS_TURNED_ROUND = {X3_PLUS, SUNRISE}
-"""The types whose encoders the firmware reads with the other sign, as these cars are wired."""
+COUNTS_TURNED_ROUND = {X3_PLUS, SUNRISE, M1}
+"""The types whose encoders the firmware reads with the other sign, as these cars are wired. That of
+the M1 is inferred: one was shipped with the type of an X3 Plus, and drove."""
+
+LIMITS_BODY = {X3_PLUS, M1}
+"""The types that limit vx and vy before the wheels."""
 
 SERVO_MOST_DEG = 180
 
@@ -90,7 +95,7 @@ class CarDrive:
         """Function 12: mm/s, mm/s and mrad/s. Zeros brake on every type of car."""
         if vx == vy == wz == 0:
             self.brake()
-        elif self.car_type == X3_PLUS:
+        elif self.car_type in LIMITS_BODY:
             most = self.car.clamp_mm_s
             self._command(max(-most, min(most, vx)), max(-most, min(most, vy)), wz)
         else:
@@ -102,7 +107,7 @@ class CarDrive:
         if car is None:
             return
         speed = speed * 10 & 0xFFFF
-        if self.car_type == X3_PLUS:
+        if self.car_type in LIMITS_BODY:
             speed = min(speed, car.clamp_mm_s)
         if state in {STOPS, BRAKES}:
             if car.axles_mm:

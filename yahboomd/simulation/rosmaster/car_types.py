@@ -126,10 +126,19 @@ CAR_TYPES: dict[int, CarType] = {
     4: CarType(circle_mm=215.2, circle_counts=1320, half_mm=164.555, sideways=False),
     5: CarType(circle_mm=215.2, circle_counts=836, half_mm=191.1, clamp_mm_s=2000, axles_mm=235.37),
     6: CarType(circle_mm=204.203, circle_counts=1040, half_mm=143.68, dead_zone=2000),
+    10: CarType(circle_mm=251.327, circle_counts=2464, half_mm=189.5, clamp_mm_s=700),
 }
-"""The types that firmware 3.5.1 drives: X3, X3 Plus, X1, R2, Sunrise."""
+"""X3, X3 Plus, X1, R2, Sunrise of firmware 3.5.1, and the M1 of 3.6."""
 
-X3_PLUS, R2, SUNRISE = 2, 5, 6
+X3_PLUS, R2, SUNRISE, M1 = 2, 5, 6, 10
 
 TYPES = 7
 """It accepts types below this, and obeys few commands with a type that it does not drive."""
+
+M1_FIRMWARE = (3, 6)
+
+
+def accepts(car_type: int, firmware: str) -> bool:
+    """Whether a board stores this type."""
+    major, minor = (int(part) for part in firmware.split(".")[:2])
+    return car_type < TYPES or (car_type == M1 and (major, minor) >= M1_FIRMWARE)

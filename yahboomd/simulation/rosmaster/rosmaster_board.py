@@ -27,7 +27,7 @@ from yahboomd.simulation.plant import Plant
 from yahboomd.simulation.rosmaster.battery_alarm import BatteryAlarm
 from yahboomd.simulation.rosmaster.board_sensor import BoardSensor
 from yahboomd.simulation.rosmaster.car_drive import BRAKES, CarDrive
-from yahboomd.simulation.rosmaster.car_types import CAR_TYPES, SUNRISE, TYPES
+from yahboomd.simulation.rosmaster.car_types import CAR_TYPES, M1, SUNRISE, accepts
 from yahboomd.simulation.rosmaster.one_buffer import OneBuffer
 from yahboomd.simulation.rosmaster.rosmaster_flash import (
     IN_FLASH,
@@ -40,6 +40,7 @@ from yahboomd.simulation.rosmaster.rosmaster_flash import (
 from yahboomd.simulation.speed_loop import TICK_NS, MotorControl
 
 FIRMWARE = "3.5.1"
+FIRMWARE_OF_M1 = "3.6.5"
 LOOK_NS = 1_000_000
 CYCLE_NS = 41_000_000
 REPORTS = ((1_000_000, 0x0A), (11_000_000, 0x0B), (21_000_000, 0x0C), (31_000_000, 0x0D))
@@ -71,7 +72,8 @@ class RosmasterBoard:
         self._plant = plant
         self._control = MotorControl(plant, options.initial_ticks, options.loop_gain)
         self._drive = CarDrive(plant, self._control, self.flash)
-        self._firmware = options.firmware or FIRMWARE
+        newer = self.flash.car_type == M1
+        self._firmware = options.firmware or (FIRMWARE_OF_M1 if newer else FIRMWARE)
         self._start_up_ns = nanoseconds(options.start_up_s)
         self._sensor = BoardSensor(self.flash.imu, plant, random)
         self._buffer = OneBuffer()
@@ -339,7 +341,7 @@ class RosmasterBoard:
             self._send(function, struct.pack("<B3H", parameter, *shown), now_ns)
 
     def _set_type(self, car_type: int, *, saved: bool, now_ns: int) -> None:
-        if car_type < TYPES:
+        if accepts(car_type, self._firmware):
             self._drive.set_type(car_type)
             if saved:
                 self._keep("carType", "car_type", car_type, now_ns)

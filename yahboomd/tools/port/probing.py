@@ -15,7 +15,7 @@ from yahboomd.core.link.port import Opener
 from yahboomd.core.model import Counts
 from yahboomd.core.protocol.dialect import Dialect
 from yahboomd.core.protocol.settings import BoardSettings
-from yahboomd.tools.port.board_questions import read_battery, read_counters
+from yahboomd.tools.port.board_questions import read_battery, read_counters, why_silent
 
 Survival: TypeAlias = Literal["kept", "reset", "unknown"]
 
@@ -32,6 +32,7 @@ class Examination(msgspec.Struct, frozen=True, kw_only=True):
         volts: The supply of its motors; None if it does not report the voltage.
         ticks: Its counters; None if they did not come.
         standing: Whether the wheels were seen to stand; None if no counts came.
+        silence: Why no counts came although the board answers; empty if that is not known.
     """
 
     dialect: Dialect | None
@@ -39,6 +40,7 @@ class Examination(msgspec.Struct, frozen=True, kw_only=True):
     volts: float | None = None
     ticks: Counts | None = None
     standing: bool | None = None
+    silence: str = ""
     heard: ReceivedSample
 
 
@@ -68,6 +70,7 @@ async def examine(
                 settings = None
             volts = await read_battery(talk)
         ticks = await read_counters(talk)
+        silence = await why_silent(talk) if ticks is None else ""
         report = await talk.rest()
         return Examination(
             dialect=talk.dialect,
@@ -76,6 +79,7 @@ async def examine(
             # The newest counters: the wheels may have rolled on since the answer.
             ticks=line.ticks if ticks is not None else None,
             standing=report.stood,
+            silence=silence,
             heard=line.heard,
         )
 

@@ -119,6 +119,8 @@ def report(
             "A wheel turns though every motor is let go: a hand, a slope, or a driver that is "
             "broken. Find out which before anything drives."
         )
+    if found.silence:
+        wrong.append(f"The board answers, and sends no counters. {found.silence}")
     if settings is not None:
         differing = {write.reply_to for write in writes(dialect.settings, settings, want)}
         rows = setting_rows(dialect.settings, settings, want, differing)
@@ -146,7 +148,7 @@ def report(
 
 
 def _advice(found: Examination, reopening: Reopening | None) -> Iterable[str]:
-    if found.ticks is None:
+    if found.ticks is None and not found.silence:
         yield "No counters came: without them there is no odometry."
     if found.volts is not None and found.volts < LOW_VOLTS:
         yield (

@@ -188,7 +188,9 @@ def _unfit(settings: BoardSettings, profile: MotorProfile) -> Iterator[str]:
             elif value != needed:
                 yield (
                     f"The board is set to motor type {row.words(value)}, the profile "
-                    f"{profile.name} needs {row.words(needed)}: a wheel would run away. {_REMEDY}"
+                    f"{profile.name} needs {row.words(needed)}: a wheel would run away. Set "
+                    "board.profile to the motors that it drives. Only if the board was set up for "
+                    "others, store their type with `yahboomd probe --write`."
                 )
         elif not _number(value) > 0:
             yield (

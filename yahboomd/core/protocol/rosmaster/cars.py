@@ -75,6 +75,22 @@ CARS: Final = {
 }
 """The car types by number, as the firmware has them; the wheels of X3 and Sunrise are alike."""
 
+M1, M1_FIRMWARE = 10, (3, 6)
+"""The first firmware that knows the M1; older ones ignore its number."""
+
+NO_LAW: Final = {9: "A1"}
+"""Cars whose number is known, and of whose law nothing was published."""
+
+ALSO: Final = {5: "R2 or R2L"}
+"""Cars that share a number."""
+
+
+def car_name(number: int) -> str:
+    """The car of a type, for people."""
+    if car := CARS.get(number):
+        return ALSO.get(number, car.name)
+    return NO_LAW.get(number, "unknown")
+
 
 class Body(msgspec.Struct, frozen=True, kw_only=True):
     """A motion as the velocity of the body; see :class:`~yahboomd.core.protocol.dialect.Motion`.

@@ -19,8 +19,8 @@ from yahboomd.core.protocol.dialect import (
     Unused,
     VersionLine,
 )
-from yahboomd.core.protocol.profiles import MotorProfile
-from yahboomd.core.protocol.rosmaster.cars import CARS
+from yahboomd.core.protocol.profiles import PROFILES, MotorProfile
+from yahboomd.core.protocol.rosmaster.cars import CARS, M1, M1_FIRMWARE, NO_LAW, car_name
 from yahboomd.core.protocol.rosmaster.packets import Item, Words, frame
 from yahboomd.core.protocol.settings import (
     BoardSettings,
@@ -198,8 +198,7 @@ def _number(value: SettingValue) -> int:
 
 
 def _car_shown(value: SettingValue) -> str:
-    car = CARS.get(_number(value))
-    return f"{value} ({'unknown' if car is None else car.name})"
+    return f"{value} ({car_name(_number(value))})"
 
 
 def _kept(thousandths: int) -> int:
@@ -277,9 +276,18 @@ def findings(settings: BoardSettings, profile: MotorProfile) -> Findings:
 
 def _unfit(settings: BoardSettings, profile: MotorProfile) -> Iterator[str]:
     number, wanted = settings.get("car_type"), profile.stored.get("car_type")
-    known = ", ".join(f"{each} ({car.name})" for each, car in CARS.items())
-    if number is None:
+    known = ", ".join(f"{each} ({car_name(each)})" for each in CARS)
+    if not isinstance(number, int):
         yield "The board did not show its car type; read its settings again."
+    elif number in NO_LAW:
+        yield (
+            f"The board is set to car type {_car_shown(number)}, which yahboomd cannot drive yet: "
+            "the circumference of its wheels, their counts a turn, its track, its wheelbase and "
+            "the limit of its speed are not published. If you have an "
+            f"{car_name(number)}, measure them and send them with the file of `yahboomd report`, "
+            "with the form 'It works here'. If it is another car, set board.profile to it and "
+            "store its type with `yahboomd probe --write`."
+        )
     elif number not in CARS:
         yield (
             f"The board is set to car type {number}, by which it divides a motion among its "
@@ -289,9 +297,26 @@ def _unfit(settings: BoardSettings, profile: MotorProfile) -> Iterator[str]:
     elif wanted is not None and number != wanted:
         yield (
             f"The board is set to car type {_car_shown(number)}, the profile {profile.name} needs "
-            f"{_car_shown(wanted)}: the wheels would turn otherwise than commanded. Set "
-            "board.profile to the car, or store its type with `yahboomd probe --write`."
+            f"{_car_shown(wanted)}. The type sets how the wheels turn, the signs of the encoders "
+            "and the limits of the battery: with a wrong one wheels run away. If the car is an "
+            f'{car_name(number)}, set board.profile = "{_profile_of(number)}". Only if it is an '
+            f"{car_name(_number(wanted))}, store its type with `yahboomd probe --write`."
         )
+    if wanted == M1 and _firmware(settings) < M1_FIRMWARE:
+        yield (
+            f"The board's firmware is {settings.get('version')}, and it ignores the type of an M1: "
+            "that needs 3.6 or later, by the vendor's flashing tool."
+        )
+
+
+def _profile_of(number: int) -> str:
+    return next(name for name, each in PROFILES.items() if each.stored.get("car_type") == number)
+
+
+def _firmware(settings: BoardSettings) -> tuple[int, ...]:
+    """Major and minor; of a version that is not known, the newest."""
+    parts = str(settings.get("version") or "").split(".")
+    return tuple(map(int, parts[:2])) if all(map(str.isdigit, parts[:2])) else M1_FIRMWARE
 
 
 def _advice(settings: BoardSettings, profile: MotorProfile) -> Iterator[str]:
@@ -303,4 +328,10 @@ def _advice(settings: BoardSettings, profile: MotorProfile) -> Iterator[str]:
             f"{car.turn_mm / 3.141592653589793:.1f} mm and {car.turn_counts} counts a turn; the "
             f"profile {profile.name} has {profile.wheel_diameter_mm:g} mm and "
             f"{profile.ticks_per_revolution:g}. If it is that car, set board.profile to it."
+        )
+    if number == M1 == profile.stored.get("car_type"):
+        yield (
+            "Whether the counts of an M1 rise while it drives ahead was not published. Watch the "
+            "first drive, with the wheels off the ground: yahboomd cuts wheels that turn against "
+            "their command. If it does, please send the file of `yahboomd report`."
         )

@@ -105,7 +105,7 @@ class Rosmaster(Dialect, frozen=True, kw_only=True):
         """The reason why it reports nothing although it answers."""
         car, restart = settings.get("car_type"), "then switch the board off and on."
         least, most = SUNRISE_V if car == SUNRISE else (LEAST_V, MOST_V)
-        if volts is None or least <= volts <= most or SUNRISE_V[0] <= volts <= SUNRISE_V[1]:
+        if volts is None or not self.brakes_until_reset(volts, settings):
             shown = "" if volts is None else f" Its supply has {volts:.1f} V now."
             return (
                 "The alarm of its battery may have gone off, which only a reset ends (it beeps)."
@@ -115,12 +115,27 @@ class Rosmaster(Dialect, frozen=True, kw_only=True):
         if volts > (most if car else SUNRISE_V[1]):
             cure = "Use the car's own battery" if car else "Use the car's own battery, charged"
         other = f", on a Sunrise below {SUNRISE_V[0]} V or above {SUNRISE_V[1]} V"
+        if car == SUNRISE and LEAST_V <= volts <= MOST_V:
+            cure = (
+                "The board is set to a Sunrise, and that is the battery of another car. If it is "
+                "another car, set board.profile to it and store its type with `yahboomd probe "
+                "--write`, which works while the alarm is on and restarts the board (or hold its "
+                "KEY1 for 10 s: a factory reset, which stores an X3). On a Sunrise use its own "
+                "battery"
+            )
         # Its answers keep the voltage that raised the alarm.
         return (
             f"Its supply had {volts:.1f} V at the alarm. Below {least} V or above {most:.1f} V for "
             f"2 s{'' if car else other}, it brakes, beeps, and neither counts nor reports until it "
             f"is reset, whatever the voltage becomes. {cure}, {restart}"
         )
+
+    def brakes_until_reset(self, volts: float | None, settings: BoardSettings) -> bool:
+        """Whether its battery's alarm has latched: its answers keep the voltage at the alarm."""
+        if volts is None or SUNRISE_V[0] <= volts <= SUNRISE_V[1]:
+            return False
+        least, most = SUNRISE_V if settings.get("car_type") == SUNRISE else (LEAST_V, MOST_V)
+        return not least <= volts <= most
 
     def findings(self, settings: BoardSettings, profile: MotorProfile) -> Findings:
         return findings(settings, profile)
