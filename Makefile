@@ -58,9 +58,10 @@ test-all: fixed ## hours: also every case of each fault, the other languages, RO
 fixed: $(VENV)/.dev
 	@$(MAKE) --no-print-directory -j lint types imports schemas-check
 
-lint: $(VENV)/.dev ## style and format
+lint: $(VENV)/.dev ## style, format, and code without a caller
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/vulture
 
 types: $(VENV)/.dev ## mypy, strict; the client as on Python 3.10
 	$(BIN)/mypy

@@ -12,11 +12,7 @@ import pytest
 from ruamel.yaml import YAML
 
 ROOT = Path(__file__).resolve().parents[1]
-FORMS = sorted((ROOT / ".github/ISSUE_TEMPLATE").glob("[0-9]*.yml"))
 WORKFLOWS = sorted((ROOT / ".github/workflows").glob("*.yml"))
-CHECKLIST = (
-    (ROOT / "docs/release.md").read_text().partition("## Checklist\n")[2].partition("\n\n")[0]
-)
 TARGETS = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
 
 
@@ -78,19 +74,6 @@ def test_links_lead_to_the_tag_or_the_commit_of_the_version(version: str, ref: s
     assert module("packaging/public_metadata.py").ref_of(version) == ref
 
 
-@pytest.mark.parametrize("form", FORMS, ids=lambda form: form.stem)
-def test_every_form_for_an_issue_asks_for_the_file_of_yahboomd_report(form: Path) -> None:
-    body = {each["id"]: each for each in yaml(form)["body"] if "id" in each}
-    assert "yahboomd report" in body["report"]["attributes"]["label"]
-    required = body["report"].get("validations", {}).get("required", False)
-    assert required is (form.stem != "3-idea")
-
-
-def test_there_are_three_forms_and_no_empty_one() -> None:
-    assert len(FORMS) == 3
-    assert yaml(ROOT / ".github/ISSUE_TEMPLATE/config.yml") == {"blank_issues_enabled": False}
-
-
 @pytest.mark.parametrize("workflow", WORKFLOWS, ids=lambda workflow: workflow.stem)
 def test_a_workflow_may_only_read_and_pins_each_action(workflow: Path) -> None:
     parsed = yaml(workflow)
@@ -109,29 +92,3 @@ def test_only_the_job_of_the_index_waits_for_a_person_and_nothing_has_a_password
     assert jobs["index"]["permissions"] == {"id-token": "write"}
     text = (ROOT / ".github/workflows/release.yml").read_text()
     assert set(re.findall(r"secrets\.(\w+)", text)) == {"GITHUB_TOKEN"}
-
-
-def test_the_citation_has_what_its_format_needs() -> None:
-    assert {"cff-version", "message", "title", "authors"} <= set(yaml(ROOT / "CITATION.cff"))
-
-
-def test_the_checklist_of_a_release_has_ten_lines_and_names_what_exists() -> None:
-    lines = CHECKLIST.strip().splitlines()
-    assert [line.partition(".")[0] for line in lines] == [str(number) for number in range(1, 11)]
-    named = re.findall(r"`([^`]+)`", CHECKLIST)
-    assert {"make release", "make test"} <= set(named)
-    for words in named:
-        if target := re.fullmatch(r"make ([a-z-]+)", words):
-            assert target[1] in TARGETS
-        elif "/" in words and " " not in words and not words.startswith("dist/"):
-            assert (ROOT / words).exists(), words
-        else:
-            known = r"git (status|tag|push).*|RELEASE|CHANGELOG\.md|dist/SHA256SUMS|pypi"
-            assert re.fullmatch(known, words), words
-
-
-@pytest.mark.parametrize(
-    "page", ["SECURITY.md", "CODE_OF_CONDUCT.md", ".github/pull_request_template.md"]
-)
-def test_no_page_for_the_public_invents_an_address_for_mail(page: str) -> None:
-    assert re.findall(r"\S+@\S+\.\w+", (ROOT / page).read_text()) == []
