@@ -428,6 +428,15 @@ async def test_a_car_beyond_its_limits_is_slower_on_the_same_curve(tmp_path: Pat
 
 
 @on_virtual_time
+async def test_a_board_that_reports_too_few_volts_is_corrected(tmp_path: Path) -> None:
+    options = ["board.battery_period_s=0.5", "board.battery_scale=1.04"]
+    async with robot(tmp_path, *options, battery_volts=7.0, rated_volts=7.0) as bench:
+        await bench.until(lambda: bench.heard.volts)
+        assert bench.heard.volts[-1] == pytest.approx(7.28, abs=0.05)
+        assert bench.controller.volts == bench.heard.volts[-1]
+
+
+@on_virtual_time
 async def test_an_empty_battery_ends_no_motion_and_refuses_the_next_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -124,6 +124,15 @@ class Board(Section):
         le=3600.0,
         description="Seconds between requests for the battery's voltage; 0: never.",
     )
+    battery_scale: float = key(
+        default=1.0,
+        ge=0.8,
+        le=1.25,
+        description="The true volts per volt that the board reports. Measure at the battery's plug "
+        "while the robot stands: an owner's X3 reported 11.2 to 11.3 V of 11.7 V, so 1.04. Status, "
+        "page and limits take the corrected volts; a Rosmaster board's own alarm, and what is said "
+        "of it, the board's.",
+    )
     battery_curve: Annotated[tuple[BatteryPoint, ...], Checked("", _curve_problem)] = key(
         default=(),
         strict=False,

@@ -88,6 +88,7 @@ def control_options(config: Config) -> ControlOptions:
         blind_s=max(BLIND_S, 3.0 / config.odometry.poll_rate_hz),
         release=release_command(config.zenoh.namespace, config.zenoh.listen),
         mounting=config.imu.mounting(),
+        battery_scale=config.board.battery_scale,
         battery_low_v=config.board.low_v(),
         battery_stop_v=config.board.battery_stop_v,
     )

@@ -418,7 +418,7 @@ class Controller:
         self._wheels.sent(units, self._clock.now_ns())
 
     def battery(self, volts: float) -> None:
-        self.volts = volts
+        self.volts = volts = volts * self._options.battery_scale
         self._outputs.battery(volts)
         if (event := self.battery_watch.read(volts, self._clock.now_ns())) is not None:
             self.event(event)

@@ -34,6 +34,7 @@ class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
         min_speed_m_s: Commands below it prove nothing about missing counts.
         period_s: From one control step to the next.
         blind_s: The same as :data:`BLIND_S`, of a board that has to be asked for its counts.
+        battery_scale: The true volts per reported one.
         battery_low_v: Volts at rest below which a warning is published; None for never.
         battery_stop_v: Below it programs begin no motion; None for never.
         release: The command of a terminal that releases this robot's e-stop.
@@ -51,6 +52,7 @@ class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
     min_speed_m_s: float = 0.08
     period_s: float = 0.02
     blind_s: float = BLIND_S
+    battery_scale: float = 1.0
     battery_low_v: float | None = None
     battery_stop_v: float | None = None
     release: str = "yahboomd stop --release"
