@@ -9,6 +9,7 @@ import argparse
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -97,6 +98,8 @@ def main():
         parser.error(f"no such fault: {', '.join(sorted(unknown))}")
     arguments = ["-m", TIERS[options.tier], "-n", options.workers, "--dist", "loadgroup"]
     arguments += options.only or [f"--ignore={each}" for each in NOT_THESE]
+    # An end by `timeout` or `kill` ends the tests and removes the clone, too.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     missed = 0
     with tempfile.TemporaryDirectory(prefix="planted-") as folder:
         tree = Path(folder) / "yahboomd"
