@@ -7,7 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.simulation.motors import FAULTS, PWM_MAX, MotorFaults, MotorLaw, MotorState, joined
+from yahboomd.simulation.motors import (
+    FAULTS,
+    PWM_MAX,
+    MotorFaults,
+    MotorLaw,
+    MotorState,
+    joined,
+)
 
 LAW = MotorLaw(max_speed_m_s=1.15, dead_zone=1950, time_constant_s=0.06, ticks_per_metre=6000.0)
 
@@ -170,3 +177,58 @@ def test_no_wheel_is_faster_than_full_output_makes_it(outputs: list[int], fault:
         motor.pwm = pwm
         assert abs(*motor.advance(0.05)) <= 1.15 * 0.05 + 1e-9
         assert abs(motor.speed_m_s) <= 1.15 + 1e-9
+
+
+STICKY = msgspec.structs.replace(LAW, dead_zone=1500, stick=1.4)
+BREAK_AWAY = 2100
+
+
+def sticky(pwm: int, supply: float = 1.0) -> MotorState:
+    motor = MotorState(STICKY)
+    motor.pwm, motor.supply = pwm, supply
+    turn(motor, 1.0)
+    return motor
+
+
+def test_a_wheel_at_rest_stays_until_the_drive_exceeds_its_static_friction() -> None:
+    assert sticky(BREAK_AWAY).travel_m == 0.0
+    assert sticky(-BREAK_AWAY).at_rest
+    # It leaps: moving friction alone is left.
+    leaps_m_s = 1.15 * (BREAK_AWAY - 1500) / (PWM_MAX - 1500)
+    assert sticky(BREAK_AWAY + 1).speed_m_s == pytest.approx(leaps_m_s, rel=0.01)
+    assert sticky(-BREAK_AWAY - 1).speed_m_s == pytest.approx(-leaps_m_s, rel=0.01)
+
+
+def test_a_wheel_that_turns_has_the_moving_friction_until_it_stood() -> None:
+    motor = sticky(BREAK_AWAY + 1)
+    motor.pwm = 1600
+    turn(motor, 1.0)
+    assert motor.speed_m_s == pytest.approx(1.15 * 100 / 2100, rel=0.01)
+    motor.pwm = 1500
+    turn(motor, 1.0)
+    assert motor.speed_m_s == 0.0
+    motor.pwm = 1600
+    turn(motor, 1.0)
+    assert motor.speed_m_s == 0.0
+
+
+def test_a_wheel_that_is_driven_back_sticks_as_it_comes_through_rest() -> None:
+    motor = sticky(PWM_MAX)
+    motor.pwm = -BREAK_AWAY
+    turn(motor, 1.0)
+    assert motor.speed_m_s == 0.0
+    motor.pwm = -BREAK_AWAY - 1
+    turn(motor, 1.0)
+    assert motor.speed_m_s < 0.0
+
+
+def test_a_low_battery_raises_the_break_away_output() -> None:
+    assert sticky(2400, supply=0.87).travel_m == 0.0
+    assert sticky(2400, supply=0.88).travel_m > 0.0
+
+
+def test_a_hand_turns_a_wheel_that_sticks() -> None:
+    motor = sticky(0)
+    motor.faults = MotorFaults(turning_m_s=0.001)
+    turn(motor, 1.0)
+    assert motor.travel_m > 0.0

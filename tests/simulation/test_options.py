@@ -33,11 +33,16 @@ def test_every_mistake_is_named_at_once() -> None:
             Wiring(name="a", position=1, corner="left", command_sign=0),
             Wiring(name="b", position=1, corner="left"),
         ),
+        friction_scales=(1.9,),
+        sticks=(0.9,),
         impairments=ImpairmentOptions(loss=1.5, delay_s=-1.0),
     )
     with pytest.raises(ConfigError) as refused:
         check(options)
-    for word in ("wheel_radius_m", "ratio", "share a position", "signs", "each side", "loss"):
+    for word in (
+        *("wheel_radius_m", "ratio", "share a position", "signs", "each side", "loss"),
+        *("sticks", "friction of a motor"),
+    ):
         assert word in str(refused.value)
 
 

@@ -69,13 +69,28 @@ def test_the_battery_sags_under_load() -> None:
     assert base.volts < 7.2
 
 
-def test_a_weaker_supply_makes_the_motors_slower() -> None:
+def test_each_motor_has_its_own_friction() -> None:
+    base = plant(
+        drive="skid_steer", motor_dead_zone=2000, friction_scales=(1.0, 0.9), sticks=(1.25,)
+    )
+    base.set_outputs((2300,) * 4)
+    base.advance(500_000_000)
+    assert [motor.travel_m > 0.0 for motor in base.motors] == [False, True, False, True]
+    base.set_outputs((2501,) * 4)
+    base.advance(1_000_000_000)
+    assert all(motor.travel_m > 0.0 for motor in base.motors)
+    assert base.motors[1].speed_m_s > base.motors[0].speed_m_s
+
+
+def test_a_weaker_supply_drives_against_the_same_friction() -> None:
     base = plant(rated_volts=12.0, battery_volts=12.0)
     base.set_outputs((PWM_MAX, 0, PWM_MAX, 0))
     base.advance(1_000_000_000)
     base.battery_volts = 8.0
     base.advance(2_000_000_000)
-    assert base.motors[0].speed_m_s == pytest.approx(1.15 * 8.0 / 12.0, abs=0.001)
+    assert base.motors[0].speed_m_s == pytest.approx(
+        1.15 * (PWM_MAX * 8.0 / 12.0 - 1950) / (PWM_MAX - 1950), abs=0.001
+    )
 
 
 def test_crossed_encoder_plugs_exchange_the_counts_and_make_no_jump() -> None:

@@ -153,6 +153,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "the others: M1 to M4 as the vendor has them",
     )
     _add_fields(what, ROBOT, robot)
+    _add_frictions(what, robot)
     what.add_argument(
         "--plugs",
         metavar="N,N[,N,N]",
@@ -187,6 +188,29 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     bad = parser.add_argument_group("faults of the line")
     _add_fields(bad, LINE, robot.impairments)
+
+
+def _add_frictions(group: argparse._ArgumentGroup, robot: SimulationOptions) -> None:
+    for flag, field, words in (
+        ("--friction-scales", "friction_scales", "the friction of each motor as a multiple"),
+        ("--sticks", "sticks", "static friction of each motor as a multiple of the moving one"),
+    ):
+        default = getattr(robot, field)
+        group.add_argument(
+            flag,
+            metavar="X[,X...]",
+            type=_numbers,
+            default=default,
+            help=f"{words}, in the order of the motors, and again from the first (default: "
+            f"{','.join(map('{:g}'.format, default))})",
+        )
+
+
+def _numbers(text: str) -> tuple[float, ...]:
+    try:
+        return tuple(map(float, text.split(",")))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"numbers with commas between, not {text!r}") from None
 
 
 def _add_fields(
@@ -261,6 +285,8 @@ def _given(args: argparse.Namespace) -> SimulationOptions:
         wiring=_plugged(args.drive, args.plugs) if args.plugs else None,
         initial_ticks=_ticks(args.ticks),
         stream_pace=args.stream_pace,
+        friction_scales=args.friction_scales,
+        sticks=args.sticks,
         impairments=ImpairmentOptions(**{field: getattr(args, field) for _, _, field, _ in LINE}),
         **{field: getattr(args, field) for _, _, field, _ in ROBOT},
     )

@@ -1,7 +1,9 @@
 """A motor with its gear, its wheel and its encoder, and their faults.
 
-The law: above the dead zone the rim speed follows the output linearly, with a first-order lag; an
-output inside the dead zone brakes; no output at all lets the wheel coast, downhill on a slope.
+The law: the supply's share of the output drives against friction. What is left of it sets the rim
+speed, linearly and with a first-order lag; an output that friction outweighs brakes; no output at
+all lets the wheel coast, downhill on a slope. A wheel at rest, and one that comes through rest,
+stays there until the drive exceeds its static friction.
 """
 
 from __future__ import annotations
@@ -17,21 +19,28 @@ PWM_MAX = 3600
 COAST_TIME_CONSTANT_S = 0.15
 COAST_FRICTION_M_S2 = 0.3
 
+STICKS_BELOW_M_S = 0.004
+"""A wheel that friction outweighs stands below this speed, if it has static friction."""
+
 
 class MotorLaw(msgspec.Struct, frozen=True, kw_only=True):
     """The numbers of one motor.
 
     Attributes:
         max_speed_m_s: Rim speed at full output.
-        dead_zone: Output at and below which it does not turn, in PWM units.
+        dead_zone: Friction while it turns: the output at the rated supply that it takes, in PWM
+            units.
         time_constant_s: Lag while it is driven.
         ticks_per_metre: Counts per metre of rim travel.
+        stick: Static friction as a multiple of the one while it turns, 1 or more. The break-away
+            output is ``stick * dead_zone``, at the rated supply.
     """
 
     max_speed_m_s: float
     dead_zone: int
     time_constant_s: float
     ticks_per_metre: float
+    stick: float = 1.0
     command_sign: int = 1
     encoder_sign: int = 1
 
@@ -132,12 +141,15 @@ class MotorState:
         wanted, time_constant_s, friction = self._drive()
         decay = math.exp(-dt_s / time_constant_s)
         ticks_per_metre = self._ticks_per_metre()
+        sticks = self.law.stick > 1.0 and not friction
         travels = []
         for _ in range(steps):
             if friction and self.pull_m_s2:
                 # What pulls a wheel that coasts depends on whether it turns.
                 wanted, _, _ = self._drive()
             before = self.speed_m_s
+            if sticks and before == 0.0:
+                wanted, _, _ = self._drive()
             after = wanted + (before - wanted) * decay
             travel = wanted * dt_s + (before - wanted) * time_constant_s * (1.0 - decay)
             if friction:
@@ -145,6 +157,9 @@ class MotorState:
                 slowed = max(0.0, abs(after) - friction * dt_s)
                 after = math.copysign(slowed, after) if slowed else 0.0
                 travel = (before + after) * 0.5 * dt_s
+            elif sticks:
+                if before * after < 0.0 or (wanted == 0.0 and abs(after) < STICKS_BELOW_M_S):
+                    after = 0.0
             elif wanted == 0.0 and abs(after) < 1e-4:
                 after = 0.0
             self.speed_m_s = after
@@ -164,12 +179,13 @@ class MotorState:
             steep = abs(self.pull_m_s2) > COAST_FRICTION_M_S2 or self.speed_m_s
             pulled_m_s = self.pull_m_s2 * COAST_TIME_CONSTANT_S if steep else 0.0
             return pulled_m_s, COAST_TIME_CONSTANT_S, COAST_FRICTION_M_S2
-        effect = abs(output) - law.dead_zone
-        if effect <= 0:
+        push = abs(output) * self.supply
+        stands = law.stick > 1.0 and self.speed_m_s == 0.0
+        if push <= law.dead_zone * (law.stick if stands else 1.0):
             return 0.0, law.time_constant_s, 0.0
-        share = min(1.0, effect / (PWM_MAX - law.dead_zone))
+        share = (push - law.dead_zone) / (PWM_MAX - law.dead_zone)
         sign = law.command_sign * (-1 if faults.phases_swapped != faults.mounted_round else 1)
-        driven_m_s = math.copysign(share * self.supply * law.max_speed_m_s, output * sign)
+        driven_m_s = math.copysign(share * law.max_speed_m_s, output * sign)
         return (
             driven_m_s + self.pull_m_s2 * law.time_constant_s,
             law.time_constant_s,

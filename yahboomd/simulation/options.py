@@ -8,6 +8,7 @@ import msgspec
 
 from yahboomd.core.errors import ConfigError
 from yahboomd.core.model import CHANNELS, Counts
+from yahboomd.simulation.motors import PWM_MAX
 
 DriveName: TypeAlias = Literal["differential", "skid_steer", "mecanum", "ackermann"]
 Corner: TypeAlias = Literal["left", "right", "front_left", "rear_left", "front_right", "rear_right"]
@@ -117,7 +118,12 @@ class SimulationOptions(msgspec.Struct, frozen=True, kw_only=True):
         wheel_base_m: Distance between the axles, for mecanum and ackermann.
         sideways: The true way to the side for each metre that the wheels roll, for mecanum.
         max_speed_m_s: Rim speed at full output.
-        motor_dead_zone: Output below which the motors do not turn, in PWM units.
+        motor_dead_zone: Friction of motors that turn: the output that it takes at the rated
+            supply, in PWM units. Below it they do not turn.
+        friction_scales: The friction of each motor as a multiple of that, in the order of the
+            motors, and again from the first.
+        sticks: Static friction as a multiple of the moving one, for each motor likewise. A motor
+            at rest begins to turn above ``motor_dead_zone * friction_scale * stick``; 1: none.
         time_constant_s: Lag of a driven motor.
         battery_volts: The battery at rest.
         rated_volts: The supply at which full output gives ``max_speed_m_s``.
@@ -148,6 +154,8 @@ class SimulationOptions(msgspec.Struct, frozen=True, kw_only=True):
     sideways: float = 1.0
     max_speed_m_s: float = 1.15
     motor_dead_zone: int = 1950
+    friction_scales: tuple[float, ...] = (1.0,)
+    sticks: tuple[float, ...] = (1.0,)
     time_constant_s: float = 0.06
     battery_volts: float = 7.4
     rated_volts: float = 7.4
@@ -195,6 +203,14 @@ def check(options: SimulationOptions) -> None:
         if not 0.0 < (value := getattr(options, name)) <= MOST
     ]
     mistakes += _wiring_mistakes(options)
+    for name, values, least in (
+        ("friction_scales", options.friction_scales, 0.0),
+        ("sticks", options.sticks, 1.0),
+    ):
+        if not values or not all(least <= each <= MOST for each in values):
+            mistakes.append(f"{name} has numbers from {least:g}, not {values}")
+    if not all(0.0 <= options.motor_dead_zone * each < PWM_MAX for each in options.friction_scales):
+        mistakes.append(f"the friction of a motor is below its full output of {PWM_MAX}")
     line = options.impairments
     for name, share in (("loss", line.loss), ("corruption", line.corruption)):
         if not 0.0 <= share <= 1.0:

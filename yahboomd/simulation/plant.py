@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import cycle
 from random import Random
 
 from yahboomd.core.model import CHANNELS, Counts
@@ -28,7 +29,12 @@ class Plant:
     def __init__(self, options: SimulationOptions, random: Random) -> None:
         self.wiring: tuple[Wiring, ...] = options.motors
         self.motor_type = options.motor_type
-        self.motors = [_motor(options, wire, random.random()) for wire in self.wiring]
+        self.motors = [
+            MotorState(_law(options, wire, friction_scale, stick), phase=random.random())
+            for wire, friction_scale, stick in zip(
+                self.wiring, cycle(options.friction_scales), cycle(options.sticks), strict=False
+            )
+        ]
         self.chassis = ChassisTruth(
             shares(
                 options.drive,
@@ -138,15 +144,15 @@ class Plant:
             self.chassis.advance(travels)
 
 
-def _motor(options: SimulationOptions, wire: Wiring, phase: float) -> MotorState:
+def _law(options: SimulationOptions, wire: Wiring, friction_scale: float, stick: float) -> MotorLaw:
     circumference_m = 2.0 * math.pi * options.wheel_radius_m * wire.radius_scale
-    law = MotorLaw(
+    return MotorLaw(
         # Full output is a rate of turning: a larger wheel runs faster.
         max_speed_m_s=options.max_speed_m_s * wire.radius_scale,
-        dead_zone=options.motor_dead_zone,
+        dead_zone=round(options.motor_dead_zone * friction_scale),
         time_constant_s=options.time_constant_s,
         ticks_per_metre=options.ticks_per_revolution / circumference_m,
         command_sign=wire.command_sign,
         encoder_sign=wire.encoder_sign,
+        stick=stick,
     )
-    return MotorState(law, phase=phase)

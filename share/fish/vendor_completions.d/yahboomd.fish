@@ -69,6 +69,8 @@ complete -c yahboomd -n '__yahboomd_at simulate' -l start-up -x -d 'how long a b
 complete -c yahboomd -n '__yahboomd_at simulate' -l tick-period -x -d 'how often a board that sends its totals renews them, 0 for with every line'
 complete -c yahboomd -n '__yahboomd_at simulate' -l tick-jitter -x -d 'each of these periods is longer by a random time up to this one'
 complete -c yahboomd -n '__yahboomd_at simulate' -l seed -x -d 'of all that is random: the same number, the same faults'
+complete -c yahboomd -n '__yahboomd_at simulate' -l friction-scales -x -d 'the friction of each motor as a multiple, in the order of the motors, and again from the first'
+complete -c yahboomd -n '__yahboomd_at simulate' -l sticks -x -d 'static friction of each motor as a multiple of the moving one, in the order of the motors, and again from the first'
 complete -c yahboomd -n '__yahboomd_at simulate' -l plugs -x -d 'the plugs of the motors, 1 to 4: left, right'
 complete -c yahboomd -n '__yahboomd_at simulate' -l flash -x -d 'a value that the board has stored, such as lines=0'
 complete -c yahboomd -n '__yahboomd_at simulate' -l ticks -x -d 'counters at the start'

@@ -7,7 +7,7 @@ from collections import Counter
 
 import pytest
 
-from yahboomd.simulation.options import SimulationOptions
+from yahboomd.simulation.options import PLAIN_GAIN, SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
 from yahboomd.simulation.rosmaster.rosmaster_flash import RosmasterStored
 
@@ -319,3 +319,34 @@ def test_yaw_gains_and_the_centre_of_the_steering_are_kept_and_shown() -> None:
         0.2,
         80,
     )
+
+
+X3_ON_ITS_FLOOR = {
+    "drive": "mecanum",
+    "loop_gain": PLAIN_GAIN,
+    "rated_volts": 12.0,
+    "motor_dead_zone": 1620,
+    "friction_scales": (1.0, 1.02, 0.98, 1.0),
+    "sticks": (1.87, 1.9, 1.86, 1.85),
+}
+
+
+@pytest.mark.parametrize(
+    ("volts", "command", "seconds", "wheels"),
+    [
+        (10.3, motion(0, wz=120), 4.0, 0),
+        (10.3, motion(0, wz=300), 4.0, 0),
+        (10.3, motion(0, wz=500), 4.0, 3),
+        (10.1, motion(100), 3.0, 0),
+        (10.3, motion(120), 3.0, 3),
+        (11.2, motion(150), 3.0, 4),
+    ],
+)
+def test_a_plant_does_what_a_real_x3_did_on_its_floor(
+    volts: float, command: bytes, seconds: float, wheels: int
+) -> None:
+    """Turns of 0.12 and 0.30 rad/s: none; 0.50: turns; 0.10, 0.12, 0.15 m/s: none, uneven, all."""
+    desk = Desk(battery_volts=volts, **X3_ON_ITS_FLOOR)
+    desk.write(command, then_ms=round(seconds * 1000))
+    travel_m = desk.robot.truth(desk.now_ns).travel_m
+    assert sum(abs(each) > 0.0 for each in travel_m) == wheels
