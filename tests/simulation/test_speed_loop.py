@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import math
+from pathlib import Path
 from random import Random
 
 import pytest
@@ -8,7 +10,17 @@ from yahboomd.simulation.four_channel.flash import FlashContent, tuning
 from yahboomd.simulation.motors import FAULTS, HEALTHY, PWM_MAX
 from yahboomd.simulation.options import PLAIN_GAIN, QUICK_GAIN, SimulationOptions
 from yahboomd.simulation.plant import Plant
-from yahboomd.simulation.speed_loop import TICK_NS, MotorControl, SpeedLoop
+from yahboomd.simulation.rosmaster.car_drive import CarDrive
+from yahboomd.simulation.rosmaster.rosmaster_flash import RosmasterStored
+from yahboomd.simulation.speed_loop import TICK_NS, LoopSettings, MotorControl, SpeedLoop, wind_up_s
+
+
+def rosmaster(car_type: int, **gains: float) -> LoopSettings:
+    """The speed loop of a car."""
+    options = SimulationOptions(dialect="rosmaster")
+    plant = Plant(options, Random(0))
+    stored = RosmasterStored(car_type=car_type, **gains)
+    return CarDrive(plant, MotorControl(plant), stored).tuning
 
 
 class Rig:
@@ -131,6 +143,63 @@ def test_a_held_wheel_winds_up_and_leaps_when_freed() -> None:
     rig.run(3.0)
     rig.plant.motors[0].faults = HEALTHY
     assert max(rig.run(1.0)) > 0.3
+
+
+BOARDS = {
+    "four-channel, as sold": (tuning(FlashContent(dead_zone=1600), 1), 2000),
+    "four-channel, a 520's dead zone": (tuning(FlashContent(dead_zone=1900), 1), 1700),
+    "four-channel, no dead zone": (tuning(FlashContent(dead_zone=0), 1), 2000),
+    "four-channel, tuned": (tuning(FlashContent(dead_zone=1900, p=0.3, i=0.12, d=0.0), 1), 1700),
+    "rosmaster": (rosmaster(1), 2000),
+    "rosmaster, sunrise": (rosmaster(6, p=1.5, i=0.08), 1600),
+}
+"""Speed loops, and the output that each adds to the dead zone at most."""
+
+
+@pytest.mark.parametrize("board", BOARDS)
+@pytest.mark.parametrize("target", [10, 50, 100, 150, 300, -500, 1000])
+def test_the_time_to_full_output_of_a_wheel_that_does_not_turn_is_as_the_formula_has_it(
+    board: str, target: int
+) -> None:
+    law, most = BOARDS[board]
+    loop = SpeedLoop(PLAIN_GAIN)
+    loop.target_mm_s = target
+    ticks = 1
+    while abs(loop.next_output(0.0, law)) < law.dead_zone + most:
+        ticks += 1
+    # The sum of many steps may lack a unit of output.
+    assert ticks / 100 == pytest.approx(wind_up_s(target, law), abs=0.0101)
+    assert ticks / 100 == pytest.approx((most / abs(target) - law.p) / law.i / 100.0, abs=0.0201)
+
+
+@pytest.mark.parametrize(
+    ("row", "law"),
+    [
+        ("four-channel as sold", tuning(FlashContent(dead_zone=1600), 1)),
+        ("four-channel, dead zone of a 520", tuning(FlashContent(dead_zone=1900), 1)),
+        ("Rosmaster X3", rosmaster(1)),
+        ("Rosmaster Sunrise", rosmaster(6, p=1.5, i=0.08)),
+    ],
+)
+def test_the_page_has_the_times_of_the_formula(row: str, law: LoopSettings) -> None:
+    page = (Path(__file__).parents[2] / "docs/protocol.md").read_text()
+    line = next(line for line in page.splitlines() if line.startswith(f"| {row}"))
+    times = [wind_up_s(speed, law) for speed in (20, 50, 100, 150, 300, 500, 1000)]
+    assert line.endswith(f"| {' | '.join(map('{:.2f}'.format, times))} |")
+
+
+def test_a_wheel_breaks_away_when_the_loop_has_wound_up_to_its_static_friction() -> None:
+    rig = Rig(gain=PLAIN_GAIN, motor_dead_zone=1700, sticks=(1.2,))
+    rig.go(50)
+    due = round(wind_up_s(50, rig.tuning, 2041) * 100)
+    speeds = rig.run(due / 100 + 0.02)
+    assert max(speeds[:due]) == 0.0
+    assert speeds[due] > 0.0
+
+
+def test_a_loop_without_integral_never_winds_up() -> None:
+    assert wind_up_s(100, tuning(FlashContent(i=0.0), 1)) == math.inf
+    assert wind_up_s(0, tuning(FlashContent(), 1)) == math.inf
 
 
 def test_the_output_stays_while_the_error_stays_zero() -> None:

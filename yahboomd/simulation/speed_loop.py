@@ -10,11 +10,13 @@ running, and a reversed one drives it to full speed.
 
 from __future__ import annotations
 
+import math
+
 import msgspec
 
 from yahboomd.core.model import CHANNELS, Counts
 from yahboomd.simulation.motors import PWM_MAX
-from yahboomd.simulation.options import QUICK_GAIN
+from yahboomd.simulation.options import PLAIN_GAIN, QUICK_GAIN
 from yahboomd.simulation.plant import Plant
 
 TICK_NS = 10_000_000
@@ -87,6 +89,32 @@ def beyond(output: int, dead_zone: int) -> int:
     if output == 0:
         return 0
     return min(PWM_MAX, output + dead_zone) if output > 0 else max(-PWM_MAX, output - dead_zone)
+
+
+def wind_up_s(
+    target_mm_s: float, law: LoopSettings, output: int = PWM_MAX, gain: float = PLAIN_GAIN
+) -> float:
+    """Time from a step of the target until a wheel that does not turn gets an output.
+
+    Its error stays the target v. So the loop's output is (P + I + D) v at the first interrupt and
+    (P + n I) v at the n-th, from the second on:
+
+        n = ((output - dead zone) / v - P) / I
+
+    A target that changes gives P v + I s / T, s the commanded travel since the wheel stood, T the
+    period of the interrupt.
+
+    Args:
+        output: In PWM units; above the most that the loop gives, that.
+        gain: As of :class:`SpeedLoop`.
+    """
+    most = min(output - law.dead_zone, law.most_output)
+    wanted = max(1, most) / (gain * abs(target_mm_s)) if target_mm_s else math.inf
+    if law.p + law.i + law.d >= wanted:
+        return TICK_NS / 1e9
+    # The gains are floats of 32 bits.
+    ticks = (wanted - law.p) / law.i if law.i else math.inf
+    return max(2, math.ceil(ticks - 1e-3)) * TICK_NS / 1e9 if math.isfinite(ticks) else math.inf
 
 
 class MotorControl:
