@@ -271,10 +271,12 @@ def test_the_inertial_sensors_of_both_show_a_turn_alike(imu: str, kind: int) -> 
     (own, of_firmware) = (
         struct.unpack("<9h", each[4:22]) for each in (pair.own_last[kind], pair.last[kind])
     )
-    # The simulated one has the errors of its data sheet.
+    # The simulated one has its errors. The rig's ICM20948 is not the vendor's, and shows its z
+    # upward; on owners' boards it is downward.
+    sign = -1 if imu == "icm20948" else 1
     assert of_firmware[2] > 500
-    assert own[2] == pytest.approx(of_firmware[2], rel=0.06)
-    assert own[5] == pytest.approx(of_firmware[5], rel=0.12)
+    assert sign * own[2] == pytest.approx(of_firmware[2], rel=0.06)
+    assert sign * own[5] == pytest.approx(of_firmware[5], rel=0.12)
     (own_yaw, yaw) = (
         struct.unpack("<3h", each[4:10])[2] for each in (pair.own_last[0x0C], pair.last[0x0C])
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import permutations, product
 from random import Random
 
+import msgspec
 import pytest
 
 from yahboomd.core.model import ImuReading, ImuSensor, Twist2d
@@ -63,8 +64,17 @@ def test_the_gyro_has_signs_and_a_factor_of_its_own() -> None:
     assert reading.acceleration_m_s2[2] == GRAVITY_M_S2
 
 
+def test_without_axes_of_its_own_it_is_mounted_as_its_board_is_built() -> None:
+    sensor = msgspec.structs.replace(SENSOR, axes="x -y -z")
+    reading = Mounting("", "", gyro_factor=1.02).along_base(
+        msgspec.structs.replace(shown("x -y -z"), sensor=sensor)
+    )
+    assert reading.gyro_rad_s[2] == pytest.approx(0.51)
+    assert reading.acceleration_m_s2 == (0.0, 0.5, GRAVITY_M_S2)
+
+
 def test_a_sensor_without_a_magnetometer_shows_none() -> None:
     bare = ImuReading(
         sensor=SENSOR, sent_ns=0, gyro_rad_s=(0.0, 0.0, 0.0), acceleration_m_s2=(0.0, 0.0, 9.8)
     )
-    assert Mounting("x y z", "x y z").along_base(bare).magnetic_t is None
+    assert Mounting().along_base(bare).magnetic_t is None

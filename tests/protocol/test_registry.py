@@ -8,7 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from yahboomd.core.errors import ConfigError
-from yahboomd.core.protocol.dialect import Setting, VersionLine
+from yahboomd.core.model import ImuReading
+from yahboomd.core.odometry.imu_axes import Mounting
+from yahboomd.core.protocol.dialect import Inertial, Setting, VersionLine
 from yahboomd.core.protocol.four_channel.framing import RESYNC, LineFramer
 from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.core.protocol.registry import (
@@ -102,11 +104,17 @@ def test_no_bytes_make_identification_raise(chunks):
     assert identify(iter(heard(*chunks))) in {None, *DIALECTS}
 
 
-@pytest.mark.parametrize("name", DIALECTS)
-def test_a_whole_connect_decodes_to_its_meanings_however_it_is_cut(
-    capture, chunked, each_way, name
+OWNERS = {"streamed": "owner-settings-and-totals", "rosmaster": "owner-icm20948-at-rest"}
+"""Of real boards."""
+
+
+@pytest.mark.parametrize(
+    ("name", "file"), [*((name, f"connect-{name}") for name in DIALECTS), *OWNERS.items()]
+)
+def test_a_capture_decodes_to_its_meanings_however_it_is_cut(
+    capture, chunked, each_way, name, file
 ):
-    taken = capture(f"connect-{name}")
+    taken = capture(file)
     data = b"".join(taken.received)
     items = each_way(data, DIALECTS[name].framer)
     assert chunked(taken.received, DIALECTS[name].framer) == chunked([data], DIALECTS[name].framer)
@@ -126,6 +134,21 @@ def test_the_streamed_connect_shows_a_board_that_may_be_moved(capture):
     assert is_complete(DIALECTS["streamed"].settings, settings)
     assert DIALECTS["streamed"].findings(settings, PROFILES["520"]).unfit == ()
     assert VersionLine(version="1.7.3", after_reset=True) in answers
+
+
+def test_the_owners_icm20948_shows_gravity_upward_along_the_base(capture):
+    items = DIALECTS["rosmaster"].framer().feed(b"".join(capture(OWNERS["rosmaster"]).received))
+    (shown,) = (
+        each for each in map(DIALECTS["rosmaster"].decode, items) if isinstance(each, Inertial)
+    )
+    assert shown.acceleration_m_s2[2] == -9.909
+    reading = ImuReading(
+        sensor=shown.sensor,
+        sent_ns=0,
+        gyro_rad_s=shown.gyro_rad_s,
+        acceleration_m_s2=shown.acceleration_m_s2,
+    )
+    assert Mounting().along_base(reading).acceleration_m_s2 == (0.034, -0.068, 9.909)
 
 
 @pytest.mark.parametrize("name", DIALECTS)

@@ -214,6 +214,7 @@ class ImuSensor(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         name: Such as ``mpu9250``.
+        axes: Its axes that point forward, left and up, as its board is built.
         gyro_limit_rad_s: The fastest turn that it can report about an axis.
         gyro_noise_rad_s: Standard deviation of one sample about one axis.
         gyro_scale: Standard deviation of its scale, as a share, before it was calibrated.
@@ -223,6 +224,7 @@ class ImuSensor(msgspec.Struct, frozen=True, kw_only=True):
     """
 
     name: str
+    axes: str = "x y z"
     gyro_limit_rad_s: float
     gyro_noise_rad_s: float
     gyro_scale: float = 0.01

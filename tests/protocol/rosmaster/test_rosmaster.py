@@ -209,13 +209,14 @@ def test_the_first_words_to_the_board_are_those_of_its_firmware():
     assert NO_ENCODER_TYPE == 4
 
 
-def test_the_sensors_limits_and_noise_are_those_of_their_data_sheets():
+def test_the_sensors_limits_and_noise_are_those_of_data_sheets_and_captures():
+    assert (MPU9250.axes, ICM20948.axes) == ("x y z", "x -y -z")
     assert (ICM20948.gyro_limit_rad_s, ICM20948.acceleration_limit_m_s2) == (32.767, 32.767)
     assert MPU9250.gyro_limit_rad_s == pytest.approx(8.73, abs=0.01)
     assert MPU9250.acceleration_limit_m_s2 == pytest.approx(19.6, abs=0.01)
     for sensor, gyro, scale, acceleration, delay_ms in (
         (MPU9250, 0.8e-3, 0.017, 0.013, 18),
-        (ICM20948, 1.9e-3, 0.009, 0.016, 10),
+        (ICM20948, 5.3e-3, 0.009, 0.12, 10),
     ):
         assert (sensor.gyro_noise_rad_s, sensor.gyro_scale) == (gyro, scale)
         assert (sensor.acceleration_noise_m_s2, sensor.delay_ns) == (acceleration, delay_ms * 10**6)

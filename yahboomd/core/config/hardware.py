@@ -19,7 +19,7 @@ from yahboomd.core.config.values import (
     key,
 )
 from yahboomd.core.drive.kinematics import KINEMATICS
-from yahboomd.core.odometry.imu_axes import AS_THEY_ARE, Mounting, axes_problem
+from yahboomd.core.odometry.imu_axes import Mounting, axes_problem
 from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.core.protocol.registry import DIALECTS
 
@@ -211,7 +211,7 @@ class Board(Section):
 
 
 def _axes_problem(axes: str) -> str | None:
-    return axes_problem(axes, rotation=True)
+    return axes_problem(axes, rotation=True) if axes else None
 
 
 def _gyro_axes_problem(axes: str) -> str | None:
@@ -225,8 +225,10 @@ class Imu(Section):
     """
 
     axes: Annotated[str, Checked("", _axes_problem)] = key(
-        default=AS_THEY_ARE,
-        description="The sensor's axes that point forward, left and up, such as x -y -z.",
+        default="",
+        description="The sensor's axes that point forward, left and up, such as x -y -z. Empty: "
+        "x y z for an MPU9250, x -y -z for an ICM20948, as owners' boards show gravity. The sign "
+        "of an ICM20948's gyro is not known for sure: `yahboomd calibrate imu` finds it.",
     )
     gyro_axes: Annotated[str, Checked("", _gyro_axes_problem)] = key(
         default="",
@@ -246,7 +248,7 @@ class Imu(Section):
     )
 
     def mounting(self) -> Mounting:
-        return Mounting(self.axes, self.gyro_axes or self.axes, gyro_factor=self.gyro_scale or 1.0)
+        return Mounting(self.axes, self.gyro_axes, gyro_factor=self.gyro_scale or 1.0)
 
 
 class MotorEntry(Section):

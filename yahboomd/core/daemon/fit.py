@@ -12,7 +12,7 @@ from yahboomd.core.drive.rest import AtRest
 from yahboomd.core.errors import BoardError
 from yahboomd.core.link.handshake import Identity
 from yahboomd.core.model import Kinematics, Motor
-from yahboomd.core.odometry.imu_axes import AS_THEY_ARE, Mounting
+from yahboomd.core.odometry.imu_axes import Mounting
 from yahboomd.core.protocol.dialect import Motion
 from yahboomd.core.protocol.profiles import MotorProfile
 
@@ -56,7 +56,7 @@ class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
     battery_low_v: float | None = None
     battery_stop_v: float | None = None
     release: str = "yahboomd stop --release"
-    mounting: Mounting = Mounting(AS_THEY_ARE, AS_THEY_ARE)
+    mounting: Mounting = Mounting()
 
     def cuts(self, fault: Fault) -> bool:
         """Whether this fault releases the motors until a person clears it."""

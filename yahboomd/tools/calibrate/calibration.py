@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -55,10 +56,15 @@ async def calibrate(
         ConfigError: The daemon is another robot's, or the file cannot be written.
     """
     if isinstance(choices, HandTurns):
-        from yahboomd.client import ImuSample
+        from yahboomd.client import ImuSample, StatusSample
+        from yahboomd.core.protocol.rosmaster.functions import MPU9250, SENSORS
         from yahboomd.tools.calibrate.imu_by_hand import show_mounted, turn_by_hand
 
         config = await config_of(robot, loaded)
+        status = await robot.get(StatusSample)
+        name = "" if status is None else str(status.board.get("imu"))
+        usual = SENSORS.get(name, MPU9250).axes
+        config = replace(config, imu=replace(config.imu, axes=config.imu.axes or usual))
         stream = partial(robot.samples, ImuSample, depth=1024)
         show_mounted(await turn_by_hand(stream, person, config, choices.turns), config, person)
         return
