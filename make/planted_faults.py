@@ -62,6 +62,8 @@ def first_failure(tree, arguments):
     # 5: no test was selected.
     if done.returncode in {0, 5}:
         return ""
+    if done.returncode < 0:
+        return f"the tests died of {signal.Signals(-done.returncode).name}"
     failed = FIRST_FAILURE.search(done.stdout)
     return failed[1] if failed else f"pytest ended with {done.returncode}: {done.stdout[-500:]}"
 
