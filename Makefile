@@ -16,7 +16,7 @@ WORKERS ?= $(shell expr 2 '*' $$(getconf _NPROCESSORS_ONLN))
 PYTEST := PYTHONDONTWRITEBYTECODE= $(PY) -m pytest
 PARALLEL = -n $(WORKERS) --dist loadgroup
 # Suites with targets of their own: they need programs of other languages.
-OWN_TARGETS := interop generators clients browser firmware
+OWN_TARGETS := interop generators clients browser firmware system
 # Whole simulated robots, which `make quick` leaves out.
 WHOLE_ROBOTS := faults whole benchmarks tools/calibrate tools/setup tools/tune moves/test_mover.py
 REST := $(if $(findstring tests/,$(ARGS)),,$(OWN_TARGETS:%=--ignore=tests/%))
