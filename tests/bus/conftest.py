@@ -1,19 +1,21 @@
-"""Fixtures of the bus's tests: an open bus on a port of its own, and applications to reach it."""
+"""An open bus, and an application to reach it: on sessions in memory where `fake_zenoh` is used."""
 
 from __future__ import annotations
 
+import asyncio
 from typing import TYPE_CHECKING
 
 import pytest
-from zenoh_fixtures import PATIENCE_S, free_endpoint, zenoh_app, zenoh_router
+from fake_zenoh import fake_zenoh
+from zenoh_fixtures import PATIENCE_S, ZenohApp, free_endpoint, zenoh_app, zenoh_router
 
 from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.options import BusOptions
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator
+    from collections.abc import AsyncIterator, Awaitable, Callable
 
-__all__ = ["bus", "zenoh_app", "zenoh_router"]
+__all__ = ["app", "bus", "fake_zenoh", "zenoh_app", "zenoh_router"]
 
 
 @pytest.fixture
@@ -28,3 +30,20 @@ async def bus() -> AsyncIterator[Bus]:
     )
     async with Bus(options) as bus:
         yield bus
+
+
+@pytest.fixture
+def app(bus: Bus, zenoh_app: Callable[..., ZenohApp]) -> ZenohApp:
+    """An application that is a client of that bus."""
+    return zenoh_app("client", bus.options.listen[0])
+
+
+@pytest.fixture
+def turns() -> Callable[[], Awaitable[None]]:
+    """Lets the loop deliver all that waits for it."""
+
+    async def take() -> None:
+        for _ in range(8):
+            await asyncio.sleep(0)
+
+    return take

@@ -99,6 +99,7 @@ except TimeoutError:
 """
 
 
+@pytest.mark.nightly
 @pytest.mark.realtime
 def test_a_process_that_ends_while_a_call_is_inside_zenoh_keeps_its_status():
     ended = subprocess.run([sys.executable, "-c", LEFT_INSIDE_ZENOH], timeout=60, check=False)
@@ -160,7 +161,7 @@ def test_without_room_for_a_thread_work_is_refused_and_the_next_one_is_done(monk
 
 
 def test_it_ends_well_while_its_first_call_comes_from_another_thread():
-    for _ in range(60):
+    for _ in range(10):
         sender = Sender("first-sender")
         first = threading.Thread(target=sender.send, args=(lambda: None,))
         first.start()

@@ -5,32 +5,10 @@ import os
 import threading
 
 import pytest
-import zenoh
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from zenoh_fixtures import eventually
 
-from yahboomd.core.bus.inbox import Inbox, SampleLane, carried_bytes
-
-pytestmark = pytest.mark.realtime
-
-
-async def test_payload_and_attachment_are_counted_together(bus, zenoh_app):
-    carriers = []
-    bus.session.declare_subscriber("x", carriers.append)
-    bus.session.declare_queryable("x", carriers.append)
-    session = zenoh_app("client", bus.options.listen[0]).session
-    block = {"congestion_control": zenoh.CongestionControl.BLOCK}
-    session.put("x", b"12345", **block)
-    session.put("x", b"12345", attachment=b"123", **block)
-    session.delete("x", **block)
-    await eventually(lambda: len(carriers) == 3)
-    session.get("x", print)
-    session.get("x", print, payload=b"12", attachment=b"1")
-    await eventually(lambda: len(carriers) == 5)
-    assert [carried_bytes(each) for each in carriers] == [5, 8, 0, 0, 3]
-    for query in carriers[3:]:
-        query.drop()
+from yahboomd.core.bus.inbox import Inbox, SampleLane
 
 
 @pytest.fixture
@@ -40,12 +18,7 @@ async def inbox():
     inbox.close()
 
 
-async def turns(count=5):
-    for _ in range(count):
-        await asyncio.sleep(0)
-
-
-async def test_everything_pending_comes_in_one_batch_in_order(inbox):
+async def test_everything_pending_comes_in_one_batch_in_order(inbox, turns):
     batches = []
     lane = inbox.lane(lambda batch, lost: batches.append((batch, lost)))
     for number in range(10):
@@ -54,7 +27,7 @@ async def test_everything_pending_comes_in_one_batch_in_order(inbox):
     assert batches == [(list(range(10)), 0)]
 
 
-async def test_newest_stay_when_a_lane_is_full_and_the_loss_is_counted(inbox):
+async def test_newest_stay_when_a_lane_is_full_and_the_loss_is_counted(inbox, turns):
     batches = []
     lane = inbox.lane(lambda batch, lost: batches.append((batch, lost)), depth=4)
     for number in range(10):
@@ -66,7 +39,7 @@ async def test_newest_stay_when_a_lane_is_full_and_the_loss_is_counted(inbox):
     assert (lane.counters.received, lane.counters.dropped) == (11, 6)
 
 
-async def test_a_lane_that_refuses_hands_back_the_newest(inbox):
+async def test_a_lane_that_refuses_hands_back_the_newest(inbox, turns):
     refused, batches = [], []
     lane = inbox.lane(lambda batch, lost: batches.append(batch), depth=2, refuse=refused.append)
     for number in range(4):
@@ -75,7 +48,7 @@ async def test_a_lane_that_refuses_hands_back_the_newest(inbox):
     assert (batches, refused) == ([[0, 1]], [2, 3])
 
 
-async def test_urgent_entries_overtake_all_that_arrived_before_them(inbox):
+async def test_urgent_entries_overtake_all_that_arrived_before_them(inbox, turns):
     order = []
     ordinary = [inbox.lane(lambda batch, lost: order.extend(batch)) for _ in range(3)]
     urgent = inbox.lane(lambda batch, lost: order.extend(batch), urgent=True)
@@ -88,7 +61,7 @@ async def test_urgent_entries_overtake_all_that_arrived_before_them(inbox):
     assert len(order) == 151
 
 
-async def test_urgent_entry_waits_for_one_batch_at_most(inbox):
+async def test_urgent_entry_waits_for_one_batch_at_most(inbox, turns):
     order = []
 
     def handle(batch, lost):
@@ -123,7 +96,7 @@ async def test_a_lane_that_never_runs_dry_leaves_the_loop_its_turns(inbox):
     assert seen < 10_000
 
 
-async def test_a_failing_handler_is_reported_and_keeps_no_other_lane_waiting(inbox):
+async def test_a_failing_handler_is_reported_and_keeps_no_other_lane_waiting(inbox, turns):
     reported, delivered = [], []
     asyncio.get_running_loop().set_exception_handler(
         lambda loop, context: reported.append(context["exception"])
@@ -149,21 +122,21 @@ async def test_entries_of_many_threads_all_arrive_each_threads_in_order(inbox):
     lane = inbox.lane(lambda batch, lost: got.extend(batch), depth=100_000)
 
     def offer(name):
-        for number in range(2_000):
+        for number in range(500):
             lane.offer((name, number))
 
     threads = [threading.Thread(target=offer, args=(name,)) for name in range(4)]
     for thread in threads:
         thread.start()
-    while len(got) < 8_000:
+    while len(got) < 2_000:
         await asyncio.sleep(0.001)
     for thread in threads:
         thread.join()
     for name in range(4):
-        assert [number for who, number in got if who == name] == list(range(2_000))
+        assert [number for who, number in got if who == name] == list(range(500))
 
 
-async def test_nothing_is_delivered_after_a_lane_was_removed(inbox):
+async def test_nothing_is_delivered_after_a_lane_was_removed(inbox, turns):
     got = []
     lane = inbox.lane(lambda batch, lost: got.extend(batch))
     lane.offer(1)
@@ -185,6 +158,7 @@ async def test_a_closed_inbox_gives_its_descriptor_back_and_takes_no_more():
     assert len(os.listdir("/proc/self/fd")) < before + 10
 
 
+@settings(max_examples=40)
 @given(st.lists(st.one_of(st.integers(0, 20), st.none()), max_size=100), st.integers(1, 8))
 def test_a_lane_accounts_for_every_entry(steps, depth):
     delivered, losses = [], []

@@ -194,6 +194,7 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path):
         assert str(path) in caught.value.message
 
 
+@pytest.mark.cases(4)
 @pytest.mark.parametrize(
     "text",
     [

@@ -2,13 +2,13 @@ import asyncio
 import threading
 
 import pytest
-from zenoh_fixtures import PATIENCE_S, eventually
+from zenoh_fixtures import eventually
 
 from yahboomd.core.bus import keys
 from yahboomd.core.bus.bus import LARGE
 from yahboomd.core.bus.services import LATER, Response
 
-pytestmark = pytest.mark.realtime
+pytestmark = pytest.mark.usefixtures("fake_zenoh")
 
 
 def harmless(payload):
@@ -21,11 +21,6 @@ def refusal(reason, _request):
 
 def payloads(replies):
     return [reply.ok.payload.to_bytes() for reply in replies]
-
-
-@pytest.fixture
-def app(bus, zenoh_app):
-    return zenoh_app("client", bus.options.listen[0])
 
 
 async def test_a_request_arrives_whole_and_its_answer_goes_back_whole(bus, app):
@@ -52,11 +47,6 @@ async def test_a_request_arrives_whole_and_its_answer_goes_back_whole(bus, app):
     assert str(reply.ok.encoding) == "application/json"
     assert reply.ok.attachment.to_bytes() == b"sequence"
     assert service.counters.answered == 1
-
-
-async def test_a_request_without_payload_is_empty(bus, app):
-    bus.serve(keys.CONFIG, lambda r: Response(payload=b"[%b]" % r.payload), fallback=refusal)
-    assert payloads(await app.ask("bot1/yahboomd/config")) == [b"[]"]
 
 
 async def test_a_coroutine_answers_later_and_others_meanwhile(bus, app):
@@ -94,19 +84,6 @@ async def test_a_failing_handler_answers_by_the_fallback(bus, app, caplog):
     assert "broken at once" in caplog.text
 
 
-async def test_the_fallback_sees_what_it_answers(bus, app):
-    def broken(_request):
-        raise ValueError("broken")
-
-    def echo(_reason, request):
-        return Response(payload=request.payload, attachment=request.attachment)
-
-    bus.serve(keys.ODOMETRY_RESET, broken, fallback=echo)
-    (reply,) = await app.ask("bot1/yahboomd/odometry/reset", payload=b"\0", attachment=b"gid")
-    assert reply.ok.payload.to_bytes() == b"\0"
-    assert reply.ok.attachment.to_bytes() == b"gid"
-
-
 async def test_a_query_for_everything_reaches_no_handler(bus, app):
     requests = []
     service = bus.serve(keys.ODOMETRY_RESET, requests.append, fallback=refusal)
@@ -124,13 +101,23 @@ async def test_what_only_reads_may_be_asked_for_by_wildcards(bus, app):
     assert payloads(await app.ask("*/yahboomd/config")) == [b"*/yahboomd/config"]
 
 
-async def test_too_large_a_request_is_refused_by_the_fallback(bus, app):
-    requests = []
-    bus.serve(keys.BOARD, requests.append, fallback=refusal, max_bytes=100)
-    for carried in ({"payload": b"x" * 101}, {"payload": b"x" * 51, "attachment": b"x" * 50}):
+async def test_too_large_a_request_is_refused_with_its_beginning_unless_it_is_huge(bus, app):
+    requests, heads = [], []
+
+    def note(reason, request):
+        heads.append(request.head)
+        return refusal(reason, request)
+
+    bus.serve(keys.BOARD, requests.append, fallback=note, max_bytes=100)
+    for carried in (
+        {"payload": b"\0\1" + bytes(65_534)},
+        {"payload": b"\0\1" + bytes(65_535)},
+        {"payload": b"x" * 51, "attachment": b"x" * 50},
+    ):
         (answer,) = payloads(await app.ask("bot1/yahboomd/board", **carried))
         assert b"more bytes" in answer
     assert requests == []
+    assert heads == [b"\0\1" + bytes(14), b"", b"x" * 16]
 
 
 async def test_too_large_a_request_raises_an_alarm_and_arrives_empty(bus, app):
@@ -146,28 +133,13 @@ async def test_too_large_a_request_raises_an_alarm_and_arrives_empty(bus, app):
     assert requests[0].head == b"x" * 16
 
 
-async def test_the_beginning_of_a_request_is_there_unless_it_is_huge(bus, app):
-    heads = []
-
-    def note(reason, request):
-        heads.append(request.head)
-        return refusal(reason, request)
-
-    bus.serve(keys.BOARD, lambda _: Response(payload=b""), fallback=note, max_bytes=100)
-    for size in (101, 65_536, 65_537):
-        await app.ask("bot1/yahboomd/board", payload=b"\0\1" + bytes(size - 2))
-    assert heads == [b"\0\1" + bytes(14)] * 2 + [b""]
-
-
 async def test_every_one_of_too_many_queries_is_answered(bus, app):
     service = bus.serve(
         keys.BOARD, lambda _: Response(payload=b"answered"), fallback=refusal, pending=2
     )
-    handlers = [app.session.get("bot1/yahboomd/board", timeout=PATIENCE_S) for _ in range(50)]
+    handlers = [app.session.get("bot1/yahboomd/board") for _ in range(50)]
     # The loop stands still here: two requests fit into the lane, the others are refused.
-    pause = threading.Event()
-    while service.counters.refused < 48:
-        pause.wait(0.001)
+    assert service.counters.refused == 48
     answers = []
     for handler in handlers:
         answers += payloads(await asyncio.to_thread(list, handler))
@@ -194,19 +166,12 @@ async def test_an_alarm_is_distinguished_from_harmless_samples_as_it_arrives(bus
 @pytest.mark.parametrize(
     ("selector", "engages"),
     {
-        "bot1/yahboomd/estop": True,
         "bot1/yahboomd/estop?by=me": True,
-        "bot1/*/estop": True,
         "*/yahboomd/estop": True,
-        "**/estop": True,
-        "**/yahboomd/estop": True,
         "bot$*/**/estop": True,
         "**": False,
-        "bot1/**": False,
         "bot1/yahboomd/*": False,
-        "**/yahboomd/**": False,
         "bot1/yahboomd/estop/**": False,
-        "bot1/yahboomd/estop$*": False,
         "**/$*stop": False,
     }.items(),
 )
@@ -258,11 +223,9 @@ async def test_a_flood_of_harmless_queries_refuses_no_alarm(bus, app):
 
     service = bus.serve(keys.ESTOP, engage, fallback=refusal, pending=2, harmless=harmless)
     for _ in range(50):
-        app.session.get("bot1/yahboomd/estop", payload=b"harmless", timeout=PATIENCE_S)
-    waiting = app.session.get("bot1/yahboomd/estop", payload=b"stop", timeout=PATIENCE_S)
-    pause = threading.Event()
-    while len(service._alarms._entries) < 1 or service.counters.refused < 48:
-        pause.wait(0.001)
+        app.session.get("bot1/yahboomd/estop", payload=b"harmless")
+    waiting = app.session.get("bot1/yahboomd/estop", payload=b"stop")
+    assert (len(service._alarms._entries), service.counters.refused) == (1, 48)
     assert payloads(await asyncio.to_thread(list, waiting)) == [b"answered"]
     await eventually(lambda: len(order) == 3)
     assert order == [b"stop", b"harmless", b"harmless"]
@@ -278,13 +241,9 @@ async def test_an_alarm_is_raised_where_its_answer_finds_no_place(bus, app):
 
     service = bus.serve(keys.ESTOP, engage, fallback=refusal, pending=2, harmless=harmless)
     handlers = [
-        app.session.get("bot1/yahboomd/estop", payload=b"%d" % number, timeout=PATIENCE_S)
-        for number in range(5)
+        app.session.get("bot1/yahboomd/estop", payload=b"%d" % number) for number in range(5)
     ]
-    pause = threading.Event()
-    while service.counters.refused < 3:
-        pause.wait(0.001)
-    assert order == []
+    assert (service.counters.refused, order) == (3, [])
     answers = [payloads(await asyncio.to_thread(list, handler)) for handler in handlers]
     assert answers == [[b"engaged"]] * 2 + [[b"Too many requests at once."]] * 3
     assert order == [b"0", b"1"]
@@ -306,21 +265,12 @@ async def test_few_large_queries_are_kept_and_all_of_them_raise_the_alarm(bus, a
     board = bus.serve(keys.BOARD, refused.append, fallback=refusal)
     count = LARGE + 3
     carried = dict(carried)
-    parameters = "?long=" + "x" * 15_000_000 if carried.pop("parameters", False) else ""
-    pause = threading.Event()
-    handlers = []
-    for number in range(count):
-        handlers.append(
-            app.session.get(f"bot1/{keys.ESTOP}{parameters}", timeout=PATIENCE_S, **carried)
-        )
-        while len(estop._alarms._entries) <= number:
-            pause.wait(0.001)
+    parameters = "?long=" + "x" * 65_536 if carried.pop("parameters", False) else ""
+    handlers = [app.session.get(f"bot1/{keys.ESTOP}{parameters}", **carried) for _ in range(count)]
     # Those that were not kept are here without their query, and the loop has seen none yet.
     kept = [pending.query is not None for pending in estop._alarms._entries]
     assert kept == [True] * LARGE + [False] * 3
-    other = app.session.get(f"bot1/{keys.BOARD}{parameters}", timeout=PATIENCE_S, **carried)
-    while not board._lane._entries:
-        pause.wait(0.001)
+    other = app.session.get(f"bot1/{keys.BOARD}{parameters}", **carried)
     assert board._lane._entries[0].query is None
     answers = [payloads(await asyncio.to_thread(list, handler)) for handler in handlers]
     assert answers == [[b"engaged"]] * LARGE + [[]] * 3
@@ -344,7 +294,7 @@ async def test_an_acknowledgement_does_not_wait_for_other_answers(bus, app):
     go.set()
 
 
-async def test_a_handler_whose_answers_take_long_holds_few_queries(bus, app):
+async def test_a_handler_whose_answers_take_long_holds_few_queries(bus, app, turns):
     """The handler's immediate work is done; the answer reports that there are too many."""
     go, begun = asyncio.Event(), []
 
@@ -361,8 +311,9 @@ async def test_a_handler_whose_answers_take_long_holds_few_queries(bus, app):
     count = LATER + 5
     handlers = []
     for number in range(count):
-        handlers.append(app.session.get(f"bot1/{keys.ESTOP}", timeout=PATIENCE_S))
-        await eventually(lambda number=number: len(begun) > number)
+        handlers.append(app.session.get(f"bot1/{keys.ESTOP}"))
+        await turns()
+        assert len(begun) == number + 1
     for handler in handlers[LATER:]:
         answers = payloads(await asyncio.to_thread(list, handler))
         assert answers == [b"Too many requests at once."]
@@ -395,7 +346,7 @@ async def test_an_asker_that_is_gone_is_counted(bus, app):
         return Response(payload=b"x")
 
     service = bus.serve(keys.BOARD, slow, fallback=refusal)
-    app.session.get("bot1/yahboomd/board", timeout=PATIENCE_S)
+    app.session.get("bot1/yahboomd/board")
     await eventually(lambda: service.counters.requests)
     app.session.close()
     await eventually(lambda: not bus.neighbours)
