@@ -3,6 +3,7 @@
     make alarms MINUTES=60 SEED=1
     make alarms SEED=1 ARGS='--first 37 --pieces 1 --words'
     make alarms SEED=1 ARGS='--piece 0 --pieces 500'
+    make alarms MINUTES=60 SEED=1 ARGS='--stick 1.3'
 
 Drives a simulated robot at random, in pieces of a minute. Each piece has its own dialect, share of
 lost bytes, supply voltage, motor lag and speed loop of the firmware, and ends with one wheel that
@@ -13,7 +14,8 @@ driven, so the time to the cut counts only while the robot is commanded to move.
 standing meanwhile, after a cut that blamed the line, has a row of its own.
 
 The second line replays one piece, by the number that ``--words`` prints. The third only breaks
-wheels.
+wheels. The fourth drives on sticking floors: static friction is up to 1.3 times the moving one, the
+wheels' frictions differ by up to 10 %, and a low supply drives against the same friction.
 """
 
 from __future__ import annotations
@@ -67,6 +69,8 @@ class Piece(msgspec.Struct, frozen=True, kw_only=True):
         gain: The gain of the firmware's speed loop.
         missing: The difference of the board's dead zone below the motors', in PWM units.
         unlimited: Whether acceleration is unlimited.
+        stick: Static friction as a multiple of the moving one; 1: none.
+        friction_scales: Of the two motors.
     """
 
     dialect: str
@@ -76,10 +80,19 @@ class Piece(msgspec.Struct, frozen=True, kw_only=True):
     gain: float
     missing: int
     unlimited: bool
+    stick: float
+    friction_scales: tuple[float, float]
 
     @staticmethod
-    def draw(chance: random.Random, lags: tuple[float, float]) -> Piece:
-        """Choose the properties of one robot with healthy wheels."""
+    def draw(
+        chance: random.Random, lags: tuple[float, float], floor: random.Random, stick: float
+    ) -> Piece:
+        """Choose the properties of one robot with healthy wheels.
+
+        Args:
+            floor: Chooses the friction.
+            stick: The most static friction, as a multiple of the moving one.
+        """
         gain = chance.choice((PLAIN_GAIN, QUICK_GAIN))
         return Piece(
             dialect=chance.choice(("streamed", "streamed", "polled")),
@@ -89,6 +102,10 @@ class Piece(msgspec.Struct, frozen=True, kw_only=True):
             gain=gain,
             missing=chance.randrange(20, 120 if gain == PLAIN_GAIN else 400),
             unlimited=chance.random() < 0.3,
+            stick=floor.uniform(1.0, stick),
+            friction_scales=(floor.uniform(0.95, 1.05), floor.uniform(0.95, 1.05))
+            if stick > 1.0
+            else (1.0, 1.0),
         )
 
 
@@ -144,12 +161,15 @@ async def piece(
     what: Piece, tally: Tally, *, number: int, seconds: float, chance: random.Random
 ) -> None:
     """Drive one robot, then break one of its wheels."""
+    # Without static friction a low supply lowers the top speed alone.
+    rated_volts = 12.0 if what.stick > 1.0 else what.volts
     simulation = SimulationOptions(
         dialect=what.dialect,
-        # A low supply lowers the top speed here. It leaves the friction as it is at 12 V.
-        max_speed_m_s=1.15 * what.volts / 12.0,
-        rated_volts=what.volts,
+        max_speed_m_s=1.15 * rated_volts / 12.0,
+        rated_volts=rated_volts,
         battery_volts=what.volts,
+        friction_scales=what.friction_scales,
+        sticks=(what.stick,),
         time_constant_s=what.lag_s,
         loop_gain=what.gain,
         motor_dead_zone=1600 + what.missing,
@@ -240,12 +260,14 @@ async def _broken(bench: AlarmBench, chance: random.Random, what: Piece, tally: 
     tally.stood_ms.append((bench.clock.now_ns() - at_ns) / MS - driven_ms)
 
 
-def run(*, numbers: range, seed: int, lags: tuple[float, float], piece_s: float) -> Tally:
+def run(
+    *, numbers: range, seed: int, lags: tuple[float, float], piece_s: float, stick: float = 1.0
+) -> Tally:
     """Run all pieces, one after the other."""
     tally = Tally()
     for number in numbers:
         chance = random.Random(f"{seed} {number}")
-        what = Piece.draw(chance, lags)
+        what = Piece.draw(chance, lags, random.Random(f"{seed} {number} floor"), stick)
         virtual_time.run(piece(what, tally, number=number, seconds=piece_s, chance=chance))
     return tally
 
@@ -290,12 +312,21 @@ def main() -> None:
     parser.add_argument("--piece", type=float, default=60.0, metavar="S")
     parser.add_argument("--first", type=int, default=0, help="the number of the first piece")
     parser.add_argument("--pieces", type=int, help="the number of pieces, instead of --minutes")
+    parser.add_argument(
+        "--stick", type=float, default=1.0, help="the most static friction, of the moving one"
+    )
     parser.add_argument("--words", action="store_true", help="each alarm")
     args = parser.parse_args()
     logging.disable()
     pieces = args.pieces or math.ceil(args.minutes * 60 / args.piece)
     numbers = range(args.first, args.first + pieces)
-    tally = run(numbers=numbers, seed=args.seed, lags=tuple(args.lags), piece_s=args.piece)
+    tally = run(
+        numbers=numbers,
+        seed=args.seed,
+        lags=tuple(args.lags),
+        piece_s=args.piece,
+        stick=args.stick,
+    )
     print(table(tally))
     if args.words:
         print("\n".join(tally.words))
