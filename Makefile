@@ -15,6 +15,8 @@ WORKERS ?= $(shell expr 2 '*' $$(getconf _NPROCESSORS_ONLN))
 # The tests start hundreds of Python processes, which need not compile yahboomd each time.
 PYTEST := PYTHONDONTWRITEBYTECODE= $(PY) -m pytest
 PARALLEL = -n $(WORKERS) --dist loadgroup
+# Suites in other languages have a short form, with SHORT=1.
+TIERS = $(if $(SHORT),-m "not nightly")
 # Suites with targets of their own: they need programs of other languages.
 OWN_TARGETS := interop generators clients browser firmware system
 # Whole simulated robots, which `make quick` leaves out.
@@ -84,12 +86,12 @@ schemas-check: $(VENV)/.dev
 	$(PY) -m yahboomd.tools.schemas.asyncapi --check schemas
 
 ##@ Suites that need other languages, or more time (.ci/run runs their short forms)
-.PHONY: interop interop-figures ros-programs generators asyncapi clients browser firmware firmware-long metrics fuzz mutants planted-faults soak alarms
+.PHONY: interop interop-figures ros-programs generators clients browser firmware firmware-long metrics fuzz mutants planted-faults soak alarms
 # Its peers keep the cores busier than what waits elsewhere.
-interop: WORKERS = $(CORES)
-interop: $(VENV)/.dev ## build the real ROS 2 peers once (in a cache outside the tree), drive through them
+interop: WORKERS = $(shell getconf _NPROCESSORS_ONLN)
+interop: $(VENV)/.dev ## build the real ROS 2 peers once (in a cache outside the tree), drive through them (SHORT=1: in a minute and a half)
 	@tests/interop/build.sh || echo "interop: what was not built is named above; its tests are skipped"
-	$(PYTEST) $(PARALLEL) tests/interop $(ARGS)
+	$(PYTEST) $(PARALLEL) $(TIERS) tests/interop $(ARGS)
 
 interop-figures: $(VENV)/.dev ## the same at length: latencies, losses, late joiners, 33 restarts, discovery (15 minutes)
 	YAHBOOMD_INTEROP=1 $(PYTEST) tests/interop/figures.py tests/interop/test_two_machines.py $(ARGS)
@@ -97,18 +99,15 @@ interop-figures: $(VENV)/.dev ## the same at length: latencies, losses, late joi
 ros-programs: $(VENV)/.dev ## in a sourced ROS 2: robot_state_publisher, slam_toolbox, Nav2, ros2cli and others, as installed, against simulated robots
 	$(PYTEST) -rs tests/interop/programs.py tests/interop/programs_of_two_robots.py $(ARGS)
 
-generators: $(VENV)/.dev ## types made of schemas/ by the generators of six languages read every golden sample (SHORT=1: of two)
-	$(if $(SHORT),,YAHBOOMD_GENERATORS=1 YAHBOOMD_ASYNCAPI=1) $(PYTEST) $(PARALLEL) tests/generators $(ARGS)
-
-asyncapi: $(VENV)/.dev ## AsyncAPI's own parser and schema (installed once, in a cache) read schemas/asyncapi.json (SHORT=1: if installed)
-	$(if $(SHORT),,YAHBOOMD_ASYNCAPI=1) $(PYTEST) tests/generators/test_asyncapi_parser.py $(ARGS)
+generators: $(VENV)/.dev ## types made of schemas/ by the generators of six languages read every golden sample (SHORT=1: of two); AsyncAPI's own parser reads its document
+	$(PYTEST) $(PARALLEL) $(TIERS) tests/generators $(ARGS)
 
 clients: $(VENV)/.dev ## build examples/clients/ in every language (once, in a cache), drive the simulated board with each (SHORT=1: those that build in moments)
-	$(if $(SHORT),,YAHBOOMD_CLIENTS=1) $(PYTEST) $(PARALLEL) tests/clients $(ARGS)
+	$(PYTEST) $(PARALLEL) $(TIERS) tests/clients $(ARGS)
 
 browser: $(VENV)/.dev ## the page in a real Chromium, by touch and keys (root installs it by apt; SHORT=1: in a minute)
 	@tests/browser/install.sh || echo "browser: what is not there is named above; its tests are skipped"
-	$(if $(SHORT),,YAHBOOMD_BROWSER=1) $(PYTEST) tests/browser $(ARGS)
+	$(PYTEST) $(TIERS) tests/browser $(ARGS)
 
 $(VENV)/.firmware: pyproject.toml make/bootstrap.py $(VENV)/.dev
 	@$(PYTHON) make/bootstrap.py $(VENV) firmware || echo "firmware: there is no unicorn here; the four-channel board is left out"

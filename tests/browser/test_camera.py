@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 from chromium import Chromium, Page
-from page_bench import LONG, PageBench
+from page_bench import PageBench
 from page_checks import axe, enlarge, spills, violations
 from real_robot import wait_for
 from ustreamer_camera import UStreamer
@@ -66,10 +66,10 @@ def looking(robot: PageBench, camera: UStreamer) -> Iterator[Page]:
     [
         ((844, 390), True),
         *(
-            pytest.param((width, high), True, marks=LONG)
+            pytest.param((width, high), True, marks=pytest.mark.nightly)
             for width, high in ((360, 740), (768, 1024))
         ),
-        pytest.param((1920, 1080), False, marks=LONG),
+        pytest.param((1920, 1080), False, marks=pytest.mark.nightly),
     ],
 )
 def test_the_picture_is_live_in_every_layout_and_covers_no_control(
@@ -104,7 +104,7 @@ def test_the_picture_is_live_in_every_layout_and_covers_no_control(
         assert page.problems() == []
 
 
-@LONG
+@pytest.mark.nightly
 @pytest.mark.parametrize("size", [(360, 740), (844, 390)], ids=["upright", "on-its-side"])
 def test_the_picture_has_no_barrier_that_axe_finds_live_or_not_also_at_twice_the_text(
     robot: PageBench, looking: Page, camera: UStreamer, size: tuple[int, int]
@@ -146,7 +146,7 @@ def test_a_camera_that_stands_still_is_marked_and_comes_back(
     looking.until(LIVE)
 
 
-@LONG
+@pytest.mark.nightly
 def test_a_camera_that_is_unplugged_repeats_a_picture_which_is_marked(
     looking: Page, camera: UStreamer
 ) -> None:
@@ -158,7 +158,7 @@ def test_a_camera_that_is_unplugged_repeats_a_picture_which_is_marked(
     looking.until("document.querySelector('.camera-words').innerText === ''")
 
 
-@LONG
+@pytest.mark.nightly
 def test_a_camera_that_is_gone_is_reported_in_words_and_found_again(
     looking: Page, camera: UStreamer
 ) -> None:
@@ -191,7 +191,7 @@ def test_pictures_that_come_late_through_the_network_never_look_live(
     looking.until(LIVE)
 
 
-@LONG
+@pytest.mark.nightly
 def test_a_connection_on_which_nothing_comes_is_marked(robot: PageBench, looking: Page) -> None:
     robot.network.held = True
     looking.until(MARKED)
@@ -199,7 +199,7 @@ def test_a_connection_on_which_nothing_comes_is_marked(robot: PageBench, looking
     looking.until(LIVE)
 
 
-@LONG
+@pytest.mark.nightly
 def test_nothing_is_fetched_from_the_camera_unless_somebody_looks(
     looking: Page, camera: UStreamer
 ) -> None:

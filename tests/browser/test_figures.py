@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import pytest
 from chromium import Page
-from page_bench import LONG, PageBench
+from page_bench import PageBench
 from real_robot import wait_for
 
 pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser")]
@@ -77,7 +77,7 @@ def test_the_first_load_is_below_150_kb(page: Page) -> None:
     assert whole < 150_000
 
 
-@LONG
+@pytest.mark.nightly
 def test_figures_of_the_time_from_load_to_a_live_pose(bench: PageBench, page: Page) -> None:
     page.order("Page.addScriptToEvaluateOnNewDocument", source=NOTE_POSE)
     page.order("Network.setCacheDisabled", cacheDisabled=True)
@@ -89,7 +89,7 @@ def test_figures_of_the_time_from_load_to_a_live_pose(bench: PageBench, page: Pa
     print(f"from load to a live pose: {shares(times)}")
 
 
-@LONG
+@pytest.mark.nightly
 @pytest.mark.parametrize("size", [(360, 740), (1920, 1080)], ids=["phone", "desktop"])
 def test_figures_of_the_map_with_10000_points(page: Page, size: tuple[int, int]) -> None:
     page.resize(*size, phone=size[0] < 1000)
@@ -114,7 +114,7 @@ def touch_once(bench: PageBench, page: Page, finger: tuple[float, float]) -> int
     return before_ns
 
 
-@LONG
+@pytest.mark.nightly
 def test_figures_of_the_time_from_finger_to_wheel_frame(bench: PageBench) -> None:
     with bench.page(bench.direct_url) as page:
         bench.press(page)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 from chromium import Page
-from page_bench import LONG, PageBench
+from page_bench import PageBench
 from real_robot import Process, wait_for
 
 pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser")]
@@ -110,7 +110,7 @@ LOSSES: dict[str, Callable[[Page], None]] = {
 @pytest.mark.parametrize(
     "loss",
     [
-        pytest.param(loss, id=name, marks=() if name == "tab hidden" else LONG)
+        pytest.param(loss, id=name, marks=() if name == "tab hidden" else pytest.mark.nightly)
         for name, loss in LOSSES.items()
     ],
 )
@@ -130,7 +130,7 @@ def test_a_place_that_is_let_go_stops_the_robot_and_the_page_says_so(
     page.says(WORDS, "You let go: the robot stops.")
 
 
-@LONG
+@pytest.mark.nightly
 def test_the_robot_goes_to_a_place_that_was_marked_by_a_short_touch(
     bench: PageBench, page: Page
 ) -> None:
@@ -141,7 +141,7 @@ def test_the_robot_goes_to_a_place_that_was_marked_by_a_short_touch(
     assert page.evaluate("document.querySelector('.go progress').value") == 1
 
 
-@LONG
+@pytest.mark.nightly
 def test_the_robot_turns_to_a_place_that_was_marked_by_a_short_touch(
     bench: PageBench, page: Page
 ) -> None:
@@ -158,7 +158,7 @@ def test_the_robot_turns_to_a_place_that_was_marked_by_a_short_touch(
     assert math.cos(theta - math.pi / 2) > 0.999
 
 
-@LONG
+@pytest.mark.nightly
 def test_a_server_that_is_killed_ends_the_move(bench: PageBench, page: Page) -> None:
     hold(bench, page)
     bench.stops_after(lambda: bench.server.end(signal.SIGKILL))

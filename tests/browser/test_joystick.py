@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from chromium import Page
-from page_bench import LONG, PageBench
+from page_bench import PageBench
 from real_robot import wait_for
 
 pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser")]
@@ -87,7 +87,7 @@ LOSSES: dict[str, tuple[Callable[[Page], Any], str]] = {
 @pytest.mark.parametrize(
     ("loss", "words"),
     [
-        pytest.param(*loss, id=name, marks=() if name == "unplugged" else LONG)
+        pytest.param(*loss, id=name, marks=() if name == "unplugged" else pytest.mark.nightly)
         for name, loss in LOSSES.items()
     ],
 )
@@ -117,7 +117,7 @@ def test_a_gamepad_drives_while_its_button_is_held_and_each_loss_of_it_stops_the
     bench.stays()
 
 
-@LONG
+@pytest.mark.nightly
 def test_b_of_a_gamepad_is_the_emergency_stop_and_start_releases_it(
     bench: PageBench, page: Page
 ) -> None:
@@ -133,7 +133,7 @@ def test_b_of_a_gamepad_is_the_emergency_stop_and_start_releases_it(
         page.evaluate(tap % (button, "false"))
 
 
-@LONG
+@pytest.mark.nightly
 def test_without_tls_the_settings_name_what_the_browser_withholds_and_how_to_get_it(
     make_bench: Callable[..., PageBench],
 ) -> None:

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import pytest
 from chromium import Page
-from page_bench import LONG, PageBench
+from page_bench import PageBench
 
 from yahboomd.web.own_certificate import CERTIFICATE, KEY, make_certificate
 
-pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser"), LONG]
+pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser"), pytest.mark.nightly]
 
 TIMES = int(os.environ.get("YAHBOOMD_LOSSES", "5"))
 STANDING_M_S = 0.02

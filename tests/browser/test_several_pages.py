@@ -7,7 +7,7 @@ from contextlib import ExitStack
 
 import pytest
 from chromium import Page
-from page_bench import LONG, PageBench
+from page_bench import PageBench
 
 pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser")]
 
@@ -32,7 +32,7 @@ def test_a_second_page_drives_only_after_it_took_control(bench: PageBench, page:
     page.lift()
 
 
-@LONG
+@pytest.mark.nightly
 def test_a_page_that_gave_control_back_leaves_the_robot_to_the_next_that_touches(
     bench: PageBench, page: Page
 ) -> None:
@@ -70,7 +70,7 @@ def test_a_viewer_watches_and_stops_and_neither_drives_nor_releases(
         bench.stops_after(page.lift)
 
 
-@LONG
+@pytest.mark.nightly
 def test_thirty_pages_at_once_watch_while_one_drives(bench: PageBench) -> None:
     with ExitStack() as stack:
         page = stack.enter_context(bench.page())

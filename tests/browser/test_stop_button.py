@@ -6,7 +6,7 @@ import signal
 
 import pytest
 from chromium import Page
-from page_bench import LONG, PageBench
+from page_bench import PageBench
 from real_robot import wait_for
 
 pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser")]
@@ -20,7 +20,11 @@ def release(bench: PageBench, page: Page) -> None:
 
 
 @pytest.mark.parametrize(
-    "view", ["map", *(pytest.param(view, marks=LONG) for view in ("drive", "wheels", "health"))]
+    "view",
+    [
+        "map",
+        *(pytest.param(view, marks=pytest.mark.nightly) for view in ("drive", "wheels", "health")),
+    ],
 )
 def test_the_button_is_seen_in_every_view_and_stops(
     bench: PageBench, page: Page, view: str
@@ -43,7 +47,11 @@ def test_a_finger_on_the_button_stops_what_the_thumb_drives(bench: PageBench, pa
 
 
 @pytest.mark.parametrize(
-    "focus", ["#views a", *(pytest.param(each, marks=LONG) for each in ("body", "#limit", ".pad"))]
+    "focus",
+    [
+        "#views a",
+        *(pytest.param(each, marks=pytest.mark.nightly) for each in ("body", "#limit", ".pad")),
+    ],
 )
 def test_space_stops_wherever_the_focus_is(bench: PageBench, page: Page, focus: str) -> None:
     page.evaluate(f"document.querySelector('{focus}').focus()")
@@ -65,7 +73,7 @@ def test_a_stop_that_is_not_acknowledged_is_tried_again_visibly_until_it_is(
     release(bench, page)
 
 
-@LONG
+@pytest.mark.nightly
 def test_a_stop_is_tried_again_over_a_network_that_comes_back(bench: PageBench) -> None:
     with bench.page() as page:
         bench.ready(page)
@@ -77,7 +85,7 @@ def test_a_stop_is_tried_again_over_a_network_that_comes_back(bench: PageBench) 
         release(bench, page)
 
 
-@LONG
+@pytest.mark.nightly
 def test_a_robot_that_is_stopped_is_not_driven_until_it_is_released(
     bench: PageBench, page: Page
 ) -> None:
@@ -94,7 +102,7 @@ def test_a_robot_that_is_stopped_is_not_driven_until_it_is_released(
     bench.stops_after(page.lift)
 
 
-@LONG
+@pytest.mark.nightly
 def test_a_fault_is_named_in_words_and_one_button_clears_it(bench: PageBench, page: Page) -> None:
     place = bench.press(page)
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 from chromium import Page
-from page_bench import LONG, PageBench
+from page_bench import PageBench
 from real_robot import wait_for
 
 pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser")]
@@ -108,7 +108,7 @@ CHANGES: dict[str, Callable[[Page], None]] = {
 @pytest.mark.parametrize(
     "loss",
     [
-        pytest.param(loss, id=name, marks=() if name in IN_SHORT else LONG)
+        pytest.param(loss, id=name, marks=() if name in IN_SHORT else pytest.mark.nightly)
         for name, loss in LOSSES.items()
     ],
 )
@@ -121,7 +121,7 @@ def test_a_thumb_that_is_lost_ends_in_zero(bench: PageBench, loss: Callable[[Pag
 @pytest.mark.parametrize(
     "change",
     [
-        pytest.param(change, id=name, marks=() if name == "phone turned" else LONG)
+        pytest.param(change, id=name, marks=() if name == "phone turned" else pytest.mark.nightly)
         for name, change in CHANGES.items()
     ],
 )
@@ -166,8 +166,8 @@ def test_a_second_finger_anywhere_stops_and_the_first_drives_again_only_when_lif
 
 SIZES = [
     pytest.param((360, 740), id="upright"),
-    pytest.param((844, 390), id="on its side", marks=LONG),
-    pytest.param((740, 360), id="small, on its side", marks=LONG),
+    pytest.param((844, 390), id="on its side", marks=pytest.mark.nightly),
+    pytest.param((740, 360), id="small, on its side", marks=pytest.mark.nightly),
 ]
 
 
@@ -207,7 +207,7 @@ def test_the_pad_does_not_move_under_the_thumb_whatever_the_page_says(
     assert all(place == pytest.approx(before, abs=1.0) for place in places)
 
 
-@LONG
+@pytest.mark.nightly
 def test_two_thumbs_at_once_drive_nothing_but_what_the_first_one_did_alone(
     bench: PageBench, page: Page
 ) -> None:
@@ -238,7 +238,7 @@ def test_keys_drive_while_they_are_held(bench: PageBench, page: Page) -> None:
     bench.stops_after(lambda: page.key("ArrowUp", down=False))
 
 
-@LONG
+@pytest.mark.nightly
 def test_a_key_whose_release_is_never_reported_stops_with_the_focus(
     bench: PageBench, page: Page
 ) -> None:
@@ -247,7 +247,7 @@ def test_a_key_whose_release_is_never_reported_stops_with_the_focus(
     page.key("KeyW", down=False)
 
 
-@LONG
+@pytest.mark.nightly
 def test_another_speed_limit_in_mid_drive_stops_the_robot(bench: PageBench, page: Page) -> None:
     """Or it would go on as fast as before, until the key is let go."""
     change = "limit.value = 20; limit.dispatchEvent(new Event('input'))"
@@ -258,7 +258,7 @@ def test_another_speed_limit_in_mid_drive_stops_the_robot(bench: PageBench, page
     page.key("KeyW", down=False)
 
 
-@LONG
+@pytest.mark.nightly
 def test_a_menu_that_takes_the_keys_away_stops_the_robot(bench: PageBench, page: Page) -> None:
     """The window keeps the focus, and the key's release goes to the menu."""
     x, y = page.middle("h1")
@@ -272,7 +272,7 @@ def test_a_menu_that_takes_the_keys_away_stops_the_robot(bench: PageBench, page:
     page.key("KeyW", down=False)
 
 
-@LONG
+@pytest.mark.nightly
 def test_a_velocity_out_of_all_proportion_is_refused_with_the_reason_and_nothing_is_sent(
     make_bench: Callable[..., PageBench],
 ) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from chromium import Chromium, Page
 from mcap.reader import make_reader
-from page_bench import LONG, PageBench
+from page_bench import PageBench
 from real_robot import wait_for
 
 from yahboomd.blackbox.box_file import read_box
@@ -118,7 +118,7 @@ SHORT = {"released"}
 @pytest.mark.parametrize(
     "loss",
     [
-        pytest.param(loss, id=name, marks=() if name in SHORT else LONG)
+        pytest.param(loss, id=name, marks=() if name in SHORT else pytest.mark.nightly)
         for name, loss in LOSSES.items()
     ],
 )
@@ -130,7 +130,7 @@ def test_a_button_that_is_lost_stops_the_wheels_at_once_and_the_run_is_done_agai
     page.says(".question", "The button was let go") if loss is not another_view else None
 
 
-@LONG
+@pytest.mark.nightly
 def test_a_page_that_is_closed_while_it_is_held_stops_the_wheels_and_ends_the_wizard(
     bench: PageBench,
 ) -> None:
@@ -142,7 +142,7 @@ def test_a_page_that_is_closed_while_it_is_held_stops_the_wheels_and_ends_the_wi
         there(page, ".choice:not([hidden])")
 
 
-@LONG
+@pytest.mark.nightly
 def test_a_network_that_is_cut_while_it_is_held_stops_the_wheels(
     bench: PageBench, page: Page
 ) -> None:
@@ -157,7 +157,7 @@ def test_a_network_that_is_cut_while_it_is_held_stops_the_wheels(
     there(page, ".choice:not([hidden])")
 
 
-@LONG
+@pytest.mark.nightly
 def test_the_button_works_by_enter_and_the_space_bar_is_the_emergency_stop(
     bench: PageBench, page: Page
 ) -> None:
@@ -172,7 +172,7 @@ def test_the_button_works_by_enter_and_the_space_bar_is_the_emergency_stop(
     page.says("#state", "standing")
 
 
-@LONG
+@pytest.mark.nightly
 def test_a_calibration_by_tape_through_the_page_writes_the_true_size(
     bench: PageBench, page: Page
 ) -> None:
@@ -292,7 +292,7 @@ def test_a_recording_is_made_downloaded_and_removed(bench: PageBench, tmp_path: 
         assert page.problems() == []
 
 
-@LONG
+@pytest.mark.nightly
 def test_a_box_that_is_saved_while_its_view_is_opened_is_listed_without_another_event(
     bench: PageBench,
 ) -> None:
@@ -328,7 +328,7 @@ def test_an_emergency_stop_is_listed_explained_and_downloaded_and_a_box_is_saved
         assert page.problems() == []
 
 
-@LONG
+@pytest.mark.nightly
 def test_a_box_that_has_to_wait_a_minute_is_listed_when_it_is_saved(bench: PageBench) -> None:
     boxes = "document.querySelectorAll('.boxes .files a').length"
     with bench.page(f"{bench.url}#boxes") as page:

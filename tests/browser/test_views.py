@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 from chromium import Page
-from page_bench import LONG, PageBench
+from page_bench import PageBench
 from page_checks import axe, enlarge, spills, violations
 from real_robot import Process, free_endpoint, wait_for
 
@@ -33,10 +33,15 @@ def show(page: Page, view: str) -> None:
     [
         pytest.param("light", PHONE, id="light-phone"),
         pytest.param("dark", DESKTOP, id="dark-desktop"),
-        pytest.param("dark", PHONE, id="dark-phone", marks=LONG),
-        pytest.param("light", DESKTOP, id="light-desktop", marks=LONG),
-        pytest.param("dark", ON_ITS_SIDE, id="dark-phone-on-its-side", marks=LONG),
-        pytest.param("light", SMALL_ON_ITS_SIDE, id="light-small-phone-on-its-side", marks=LONG),
+        pytest.param("dark", PHONE, id="dark-phone", marks=pytest.mark.nightly),
+        pytest.param("light", DESKTOP, id="light-desktop", marks=pytest.mark.nightly),
+        pytest.param("dark", ON_ITS_SIDE, id="dark-phone-on-its-side", marks=pytest.mark.nightly),
+        pytest.param(
+            "light",
+            SMALL_ON_ITS_SIDE,
+            id="light-small-phone-on-its-side",
+            marks=pytest.mark.nightly,
+        ),
     ],
 )
 def test_no_view_has_a_barrier_that_axe_finds_and_none_is_wider_than_the_screen(
@@ -105,9 +110,9 @@ def cut(page: Page, selector: str) -> bool:
     ("size", "percent"),
     [
         pytest.param(SMALL_ON_ITS_SIDE, 200, id="small-200"),
-        pytest.param(SMALL_ON_ITS_SIDE, 100, id="small-100", marks=LONG),
-        pytest.param(ON_ITS_SIDE, 200, id="200", marks=LONG),
-        pytest.param(ON_ITS_SIDE, 100, id="100", marks=LONG),
+        pytest.param(SMALL_ON_ITS_SIDE, 100, id="small-100", marks=pytest.mark.nightly),
+        pytest.param(ON_ITS_SIDE, 200, id="200", marks=pytest.mark.nightly),
+        pytest.param(ON_ITS_SIDE, 100, id="100", marks=pytest.mark.nightly),
     ],
 )
 def test_on_its_side_the_pad_is_whole_and_still_and_the_stop_is_pressed_in_every_view(
@@ -143,7 +148,7 @@ def test_on_its_side_the_pad_is_whole_and_still_and_the_stop_is_pressed_in_every
             assert "`" not in page.text("#why")
 
 
-@LONG
+@pytest.mark.nightly
 @pytest.mark.parametrize("size", [PHONE, SMALL_ON_ITS_SIDE])
 def test_the_chosen_view_is_in_the_row_of_views_after_the_text_was_enlarged(
     bench: PageBench, page: Page, size: tuple[int, int]
@@ -161,7 +166,7 @@ def test_the_chosen_view_is_in_the_row_of_views_after_the_text_was_enlarged(
         )
 
 
-@LONG
+@pytest.mark.nightly
 @pytest.mark.parametrize("size", [ON_ITS_SIDE, SMALL_ON_ITS_SIDE])
 @pytest.mark.parametrize("percent", [100, 200])
 def test_on_its_side_axe_finds_nothing_at_either_size_of_text_while_it_is_stopped(
@@ -178,7 +183,7 @@ def test_on_its_side_axe_finds_nothing_at_either_size_of_text_while_it_is_stoppe
         assert spills(page) == [], view
 
 
-@LONG
+@pytest.mark.nightly
 def test_pad_and_stop_change_sides_by_a_button_and_keep_them(bench: PageBench, page: Page) -> None:
     page.resize(*SMALL_ON_ITS_SIDE, phone=True)
     page.until("document.querySelector('.pad').clientWidth > 199")
@@ -214,7 +219,7 @@ def sizes_of_text(page: Page) -> list[float]:
     [
         pytest.param(PHONE, 200, id="phone-200"),
         *(
-            pytest.param(size, percent, id=f"{size[0]}-{percent}", marks=LONG)
+            pytest.param(size, percent, id=f"{size[0]}-{percent}", marks=pytest.mark.nightly)
             for size in (PHONE, (768, 1024), DESKTOP)
             for percent in (100, 200)
             if (size, percent) != (PHONE, 200)
@@ -241,7 +246,7 @@ def test_neither_a_stop_nor_its_words_move_or_cover_the_pad_and_they_grow_with_t
     assert box(page, ".pad") == pytest.approx(before, abs=1.0)
 
 
-@LONG
+@pytest.mark.nightly
 @pytest.mark.parametrize("size", [(1280, 800), DESKTOP])
 def test_map_and_joystick_are_used_together_on_a_wide_screen(
     bench: PageBench, page: Page, size: tuple[int, int]
@@ -265,7 +270,7 @@ def test_map_and_joystick_are_used_together_on_a_wide_screen(
     page.until("document.querySelector('.tools [aria-pressed]').ariaPressed === 'false'")
 
 
-@LONG
+@pytest.mark.nightly
 @pytest.mark.parametrize("size", [PHONE, ON_ITS_SIDE])
 def test_a_long_reason_is_read_whole_by_a_button_and_nothing_moves_for_it(
     bench: PageBench, page: Page, size: tuple[int, int]
@@ -296,7 +301,7 @@ def test_a_long_reason_is_read_whole_by_a_button_and_nothing_moves_for_it(
     page.until("!document.querySelector('#more').checkVisibility()")
 
 
-@LONG
+@pytest.mark.nightly
 def test_without_a_daemon_the_page_says_so_in_a_sentence_and_shows_no_old_figures(
     make_bench: Callable[..., PageBench],
 ) -> None:
@@ -342,7 +347,7 @@ def test_the_daemons_reasons_stay_exact_but_for_who_drives_what_a_button_does_an
         assert page.evaluate(asked) == (shown or why)
 
 
-@LONG
+@pytest.mark.nightly
 def test_the_battery_is_shown_in_percent_by_its_curve_and_low_in_colour_and_words(
     make_bench: Callable[..., PageBench],
 ) -> None:
@@ -357,7 +362,7 @@ def test_the_battery_is_shown_in_percent_by_its_curve_and_low_in_colour_and_word
         page.says("#health", "70 %, 7.40 V, low: 7.4 V at rest")
 
 
-@LONG
+@pytest.mark.nightly
 @pytest.mark.parametrize("size", [PHONE, SMALL_ON_ITS_SIDE, DESKTOP])
 def test_a_page_without_a_session_shows_how_to_get_in_and_no_dead_controls(
     make_bench: Callable[..., PageBench], size: tuple[int, int]
@@ -373,7 +378,7 @@ def test_a_page_without_a_session_shows_how_to_get_in_and_no_dead_controls(
         assert spills(page) == []
 
 
-@LONG
+@pytest.mark.nightly
 def test_the_keyboard_alone_reaches_and_reads_everything(bench: PageBench, page: Page) -> None:
     page.resize(*DESKTOP, phone=False)
     page.evaluate("document.activeElement.blur()")
@@ -395,7 +400,7 @@ def test_the_keyboard_alone_reaches_and_reads_everything(bench: PageBench, page:
     page.says("#health", "Battery")
 
 
-@LONG
+@pytest.mark.nightly
 def test_the_map_draws_the_path_that_was_driven_and_follows_the_robot(
     bench: PageBench, page: Page
 ) -> None:
@@ -481,7 +486,7 @@ def test_a_pose_is_set_by_a_touch_on_the_map_and_a_drag_along_the_heading(
     assert bench.application.latest("pose")["theta"] == pytest.approx(1.571, abs=0.02)
 
 
-@LONG
+@pytest.mark.nightly
 def test_two_fingers_zoom_the_map_and_one_moves_it(bench: PageBench, page: Page) -> None:
     show(page, "map")
     page.says(".where", "heading")

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 from chromium import Page
-from page_bench import LONG, PageBench
+from page_bench import PageBench
 
 pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser")]
 
@@ -27,7 +27,7 @@ def set_held(bench: PageBench, held: bool) -> None:
     bench.network.held = held
 
 
-@LONG
+@pytest.mark.nightly
 def test_a_network_that_is_cut_stops_the_robot_and_the_page_comes_back_by_itself(
     bench: PageBench, page: Page
 ) -> None:
@@ -44,7 +44,7 @@ def test_a_network_that_is_cut_stops_the_robot_and_the_page_comes_back_by_itself
     bench.stops_after(page.lift)
 
 
-@LONG
+@pytest.mark.nightly
 def test_what_a_silent_network_held_back_moves_nothing_when_it_comes(
     bench: PageBench, page: Page
 ) -> None:
@@ -84,7 +84,7 @@ def test_500_ms_of_delay_in_mid_motion_stop_the_robot_and_the_page_says_why(
     "number",
     [
         pytest.param(signal.SIGKILL, id="killed"),
-        pytest.param(signal.SIGTERM, id="ended", marks=LONG),
+        pytest.param(signal.SIGTERM, id="ended", marks=pytest.mark.nightly),
     ],
 )
 def test_a_server_that_ends_leaves_a_robot_that_stands(
@@ -110,7 +110,7 @@ def test_a_server_that_hangs_stops_the_robot_and_moves_nothing_when_it_goes_on(
     page.lift()
 
 
-@LONG
+@pytest.mark.nightly
 def test_a_browser_that_stands_still_as_in_a_laptop_asleep_drives_nothing_when_it_wakes(
     bench: PageBench, page: Page
 ) -> None:

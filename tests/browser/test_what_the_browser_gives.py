@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 from chromium import Page
-from page_bench import LONG, PageBench
+from page_bench import PageBench
 from real_robot import wait_for
 
 from yahboomd.web.own_certificate import CERTIFICATE, KEY, make_certificate
 
-pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser"), LONG]
+pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser"), pytest.mark.nightly]
 
 ASKED = """
 window.felt = [];

@@ -19,7 +19,6 @@ from real_robot import Client, Process, RealRobot, free_endpoint, wait_for
 from web_gateway import Gateway
 
 PATIENCE_S = 120.0
-ALL = bool(os.environ.get("YAHBOOMD_CLIENTS"))
 
 
 @functools.cache
@@ -144,8 +143,12 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     needed: Sequence[str] = next(
         (mark.args for mark in metafunc.definition.iter_markers("commands")), ()
     )
-    names = [name for name, program in PROGRAMS.items() if program.commands.issuperset(needed)]
-    metafunc.parametrize("program", names, indirect=True)
+    programs = [
+        pytest.param(name, marks=pytest.mark.nightly if program.slow else ())
+        for name, program in PROGRAMS.items()
+        if program.commands.issuperset(needed)
+    ]
+    metafunc.parametrize("program", programs, indirect=True)
 
 
 @pytest.fixture
@@ -179,8 +182,6 @@ def service(robot: RealRobot, client: Callable[..., Client], namespace: str) -> 
 def program(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[ClientProgram]:
     """A language's example, built; skipped with the name of a missing tool."""
     name: str = request.param
-    if PROGRAMS[name].slow and not ALL:
-        pytest.skip("minutes of compiling: make clients")
     programs = built(name)
     if isinstance(programs, str):
         pytest.skip(f"{name}: {programs}")

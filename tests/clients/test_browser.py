@@ -21,12 +21,7 @@ from client_programs import Missing
 from real_robot import Client, Process, RealRobot, free_endpoint, wait_for
 from web_gateway import Gateway, configuration
 
-pytestmark = [
-    pytest.mark.realtime,
-    pytest.mark.skipif(
-        not os.environ.get("YAHBOOMD_CLIENTS"), reason="minutes of compiling: make clients"
-    ),
-]
+pytestmark = [pytest.mark.realtime, pytest.mark.nightly]
 
 EVIL = "evil.example"
 FORWARD, LEFT = "[aria-label=forward]", "[aria-label='turn left']"

@@ -92,6 +92,7 @@ def test_the_short_program_of_the_page_of_clients_drives_an_arc_and_prints_poses
 
 
 @square
+@pytest.mark.nightly
 def test_a_restart_of_the_daemon_in_mid_square_is_survived(program: Any, robot: RealRobot) -> None:
     running = program.start("square", str(SIDE_M), robot=robot.endpoint)
     wait_for(lambda: moved_m(robot) > 1.3 * SIDE_M, "the second side")
@@ -105,7 +106,9 @@ def test_a_restart_of_the_daemon_in_mid_square_is_survived(program: Any, robot: 
 
 
 @square
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+@pytest.mark.parametrize(
+    "number", [signal.SIGKILL, pytest.param(signal.SIGSTOP, marks=pytest.mark.nightly)]
+)
 def test_a_program_that_is_killed_or_frozen_in_mid_square_leaves_a_robot_that_stands(
     program: Any, robot: RealRobot, number: int
 ) -> None:
@@ -128,7 +131,14 @@ def fake() -> Iterator[FakeRobot]:
 
 
 @square
-@pytest.mark.parametrize("payload", [b"", b'{"x": 1}', b"\x81"], ids=["silence", "half", "other"])
+@pytest.mark.parametrize(
+    "payload",
+    [
+        pytest.param(b"", id="silence"),
+        pytest.param(b'{"x": 1}', id="half", marks=pytest.mark.nightly),
+        pytest.param(b"\x81", id="other", marks=pytest.mark.nightly),
+    ],
+)
 def test_without_readable_poses_a_program_sends_zero_until_they_are_back(
     program: Any, fake: FakeRobot, payload: bytes
 ) -> None:
@@ -158,7 +168,9 @@ def test_its_commands_are_as_the_schema_says_with_a_stamp_and_in_bounds(
 
 
 @square
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.nightly)]
+)
 def test_a_program_that_is_ended_by_a_signal_sends_zero_last(
     program: Any, fake: FakeRobot, number: int
 ) -> None:

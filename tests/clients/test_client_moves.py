@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import signal
 import subprocess
 import sys
@@ -25,9 +24,6 @@ NEAR_M = 0.06
 QUIET_WITHIN_S = 240.0
 NO_DAEMON, WILL_NOT_MOVE = 69, 75
 ROOT = Path(__file__).resolve().parents[2]
-LONG = pytest.mark.skipif(
-    not os.environ.get("YAHBOOMD_CLIENTS"), reason="minutes: make clients without SHORT"
-)
 
 
 @pytest.fixture
@@ -95,7 +91,9 @@ def driving(program: Any, robot: RealRobot) -> Any:
     return running
 
 
-@pytest.mark.parametrize("namespace", ["", pytest.param("bot1", marks=LONG)], indirect=True)
+@pytest.mark.parametrize(
+    "namespace", ["", pytest.param("bot1", marks=pytest.mark.nightly)], indirect=True
+)
 def test_a_square_of_moves_ends_where_it_began(
     program: Any,
     robot: RealRobot,
@@ -124,9 +122,9 @@ def test_a_square_of_moves_ends_where_it_began(
     "number",
     [
         pytest.param(signal.SIGKILL, id="killed"),
-        pytest.param(signal.SIGSTOP, id="frozen", marks=LONG),
-        pytest.param(signal.SIGTERM, id="ended", marks=LONG),
-        pytest.param(signal.SIGINT, id="interrupted", marks=LONG),
+        pytest.param(signal.SIGSTOP, id="frozen", marks=pytest.mark.nightly),
+        pytest.param(signal.SIGTERM, id="ended", marks=pytest.mark.nightly),
+        pytest.param(signal.SIGINT, id="interrupted", marks=pytest.mark.nightly),
     ],
 )
 def test_a_program_that_is_lost_in_mid_move_leaves_a_robot_that_stands_and_no_move(
@@ -153,7 +151,7 @@ def test_without_the_service_a_program_says_so(program: Any, robot: RealRobot) -
     assert "`yahboomd moves`" in done.err
 
 
-@LONG
+@pytest.mark.nightly
 def test_a_move_that_ends_before_its_goal_ends_the_program_with_the_reason(
     program: Any, robot: RealRobot, service: Process, client: Callable[..., Client]
 ) -> None:
@@ -175,7 +173,7 @@ def examples() -> dict[str, str]:
     return found
 
 
-@LONG
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", ["python", "shell", "zenoh"])
 def test_each_program_of_the_page_of_moves_drives_its_square(
     robot: RealRobot,

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.realtime
 USAGE = 64
 NO_DAEMON = 69
 NAMESPACE = "bot1"
-ASKING = ("pose", "status", "estop", "release", "config")
+ASKING = ("pose", "estop", "release", "config")
 
 
 @pytest.mark.commands("pose", "status", "estop", "release", "set-pose", "config")
@@ -58,7 +58,10 @@ def test_it_reads_sets_stops_and_releases(
     wait_for(lambda: ask("status")["state"] == "standing", "the release")
 
 
-@pytest.mark.parametrize("command", [*ASKING, "square"])
+@pytest.mark.parametrize(
+    "command",
+    ["status", *(pytest.param(each, marks=pytest.mark.nightly) for each in (*ASKING, "square"))],
+)
 def test_without_a_daemon_it_names_the_endpoint_and_what_starts_one(
     program: Any, command: str
 ) -> None:
@@ -81,7 +84,17 @@ def test_with_another_namespace_it_names_the_key_that_no_one_answers(
     assert len(done.err.splitlines()) <= 3, done.err
 
 
-@pytest.mark.parametrize("words", [[], ["fly"], ["set-pose", "1"], ["decode", "Twist"]], ids=str)
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["fly"],
+        *(
+            pytest.param(each, marks=pytest.mark.nightly)
+            for each in ([], ["set-pose", "1"], ["decode", "Twist"])
+        ),
+    ],
+    ids=str,
+)
 def test_wrong_arguments_are_answered_with_the_right_ones(program: Any, words: list[str]) -> None:
     done = program.run(*words)
     assert (done.code, done.out) == (USAGE, ""), done

@@ -249,6 +249,7 @@ def test_as_shipped_the_configuration_lets_clients_watch_and_stop_but_not_drive(
         through.session.close()
 
 
+@pytest.mark.nightly
 def test_with_its_line_switched_on_the_configuration_lets_clients_drive(
     real_robot: Callable[..., RealRobot], client: Callable[..., Client]
 ) -> None:

@@ -1,14 +1,12 @@
 """Types that generators make of ``schemas/`` read every golden sample, in six languages.
 
 The generators are installed once, into a cache outside the tree. If this machine lacks one, its
-name is printed and it is skipped. ``make generators`` runs all of them; ``make check`` runs the
-quick ones (marked so).
+name is printed and it is skipped. Those that compile for minutes are nightly.
 """
 
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import sys
 from pathlib import Path
@@ -29,9 +27,6 @@ NODE_PACKAGES = ("json-schema-to-typescript@15.0.4", "quicktype@26.0.0", "typesc
 PYTHON_PACKAGES = ("datamodel-code-generator==0.89.0", "msgspec")
 JACKSON, KOTLIN = "2.18.2", "2.1.0"
 
-slow = pytest.mark.skipif(
-    not os.environ.get("YAHBOOMD_GENERATORS"), reason="minutes of compiling: make generators"
-)
 # One process installs what several tests use.
 pytestmark = [
     pytest.mark.realtime,
@@ -116,7 +111,7 @@ def test_python_of_datamodel_code_generator(tmp_path: Path) -> None:
     assert_the_same(run(python, tmp_path / "main.py"))
 
 
-@slow
+@pytest.mark.nightly
 def test_go_of_quicktype(node: Path, tmp_path: Path) -> None:
     go = needs("go")
     quicktype(node, "go", tmp_path / "types.go", "--package", "main")
@@ -141,7 +136,7 @@ def test_go_of_quicktype(node: Path, tmp_path: Path) -> None:
     assert_the_same(run(go, "run", ".", *SAMPLES, cwd=tmp_path))
 
 
-@slow
+@pytest.mark.nightly
 def test_cpp_of_quicktype(node: Path, tmp_path: Path) -> None:
     compiler = needs("g++")
     if not Path("/usr/include/nlohmann/json.hpp").exists():
@@ -163,7 +158,7 @@ def test_cpp_of_quicktype(node: Path, tmp_path: Path) -> None:
     assert_the_same(run(tmp_path / "check", *SAMPLES))
 
 
-@slow
+@pytest.mark.nightly
 def test_rust_of_typify(tmp_path: Path) -> None:
     cargo = needs("cargo")
     modules = "".join(
@@ -195,7 +190,7 @@ def test_rust_of_typify(tmp_path: Path) -> None:
     assert_the_same(run(cargo, "run", "--quiet", "--", *SAMPLES, cwd=project))
 
 
-@slow
+@pytest.mark.nightly
 def test_kotlin_of_quicktype(node: Path, tmp_path: Path) -> None:
     maven, java = needs("mvn"), needs("java")
     words = f"{JACKSON} {KOTLIN}"

@@ -10,7 +10,7 @@ from benchmarks import ros_ways
 from benchmarks.drivers import frames, trial
 from benchmarks.results import NotHere
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.realtime, pytest.mark.nightly]
 
 
 def test_it_drives_publishes_a_pose_and_stops_the_wheels_when_it_ends() -> None:

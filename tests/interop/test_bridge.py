@@ -8,7 +8,7 @@ import zenoh
 from yahboomd.core.messages import cdr
 from yahboomd.ros2.messages import ros2_names
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.realtime, pytest.mark.nightly]
 
 TRIGGERS = ("yahboomd/estop/reset", "yahboomd/odometry/reset")
 

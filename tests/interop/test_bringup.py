@@ -24,7 +24,7 @@ from ros_peers import CACHE, Bridge, Event, Peer, built, example_for, free_domai
 from yahboomd.core.config import Config
 from yahboomd.tools.ros_files.robot_model import urdf
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.realtime, pytest.mark.nightly]
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "ros2" / "yahboomd_bringup"

@@ -12,7 +12,7 @@ from real_robot import Client, wait_for
 
 from yahboomd.core.bus.services import TOO_MANY
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.realtime, pytest.mark.nightly]
 
 LIVES = 3
 RESET, RELEASE = "/yahboomd/odometry/reset", "/yahboomd/estop/reset"

@@ -19,7 +19,7 @@ from ros_peers import HERE, Peer, built, hears, sdk, start_peer
 
 from benchmarks.rig import share_of_core, usage
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.realtime, pytest.mark.nightly]
 
 NATIVE = ["--set", "ros2.rmw_zenoh=true", "--set", "ros2.bridge=false"]
 CROWD = 30

@@ -11,7 +11,7 @@ from real_robot import Client, RealRobot, wait_for
 from ros_peers import DISTROS, EXAMPLE, HERE, LASER, Bridge, built, start_peer
 from zenoh_fixtures import free_endpoint
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.realtime, pytest.mark.nightly]
 
 PRESSES = 25
 """By each of two, of both distributions."""

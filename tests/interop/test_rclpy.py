@@ -82,7 +82,7 @@ def stop(node, eventually):
     estopped(node, True)
 
 
-@pytest.mark.parametrize("distro", DISTROS)
+@pytest.mark.parametrize("distro", ["jazzy", pytest.param("kilted", marks=pytest.mark.nightly)])
 def test_it_drives_stops_by_a_topic_and_sees_so(
     ros_bridge, start_ros_node, robot, eventually, distro
 ):
@@ -103,6 +103,7 @@ def test_it_drives_stops_by_a_topic_and_sees_so(
     estopped(start_ros_node(distro=distro), True)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("distro", DISTROS)
 def test_every_topic_reaches_the_subscriptions_of_usual_programs(
     ros_bridge, start_ros_node, robot, eventually, distro
@@ -132,6 +133,7 @@ def stamp_of(line):
     return line["stamp"]["sec"], line["stamp"]["nanosec"]
 
 
+@pytest.mark.nightly
 def test_events_are_lines_of_the_log_and_a_late_node_gets_the_last_alone(
     ros_bridge, start_ros_node, robot, eventually, client
 ):
@@ -159,6 +161,7 @@ def test_events_are_lines_of_the_log_and_a_late_node_gets_the_last_alone(
         assert stamp_of(start_ros_node("log").message("/rosout")) >= newest
 
 
+@pytest.mark.nightly
 def test_nodes_that_come_late_get_what_is_latched_and_what_flows(ros_bridge, start_ros_node, robot):
     robot(ros_bridge.endpoint)
     for distro in DISTROS:
@@ -168,6 +171,7 @@ def test_nodes_that_come_late_get_what_is_latched_and_what_flows(ros_bridge, sta
         heard_by(node, "rviz", "/odom")
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("order", list(permutations(("bridge", "daemon", "node"))), ids="-".join)
 def test_daemon_bridge_and_node_may_start_again_in_any_order(
     ros_bridge, start_ros_node, robot, eventually, order
@@ -192,6 +196,7 @@ def test_daemon_bridge_and_node_may_start_again_in_any_order(
     stop(node, eventually)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "settings",
     [(), ("ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST",), ("ROS_LOCALHOST_ONLY=1",)],
@@ -205,6 +210,7 @@ def test_a_bridge_on_loopback_is_found_however_nodes_of_this_machine_discover(
     estopped(start_ros_node(settings=settings), False)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("distro", DISTROS)
 def test_a_service_call_through_the_bridge_hangs_and_does_nothing(
     ros_bridge, start_ros_node, robot, distro

@@ -16,7 +16,7 @@ from mcap.reader import make_reader
 from real_robot import RealRobot, wait_for
 from ros_peers import CACHE, DISTROS, built
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.realtime, pytest.mark.nightly]
 
 DESERIALISE = """
 import base64, importlib, json, sys

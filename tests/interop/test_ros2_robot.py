@@ -88,7 +88,7 @@ def laser_of(node):
     return laser["child_frame_id"]
 
 
-@pytest.mark.parametrize("stamped", [False, True])
+@pytest.mark.parametrize("stamped", [False, pytest.param(True, marks=pytest.mark.nightly)])
 def test_a_dds_node_drives_through_the_bridge_and_sees_it(bridge, dds_node, robot, stamped):
     settings = ['ros2.stamped_commands=["cmd_vel"]'] if stamped else []
     driven = robot(bridge.endpoint, *settings)
@@ -99,6 +99,7 @@ def test_a_dds_node_drives_through_the_bridge_and_sees_it(bridge, dds_node, robo
     is_stopped_and_released(dds_node)
 
 
+@pytest.mark.nightly
 def test_behind_the_bridge_a_publisher_of_the_other_type_is_not_heard_and_diagnostics_say_so(
     bridge, dds_node, start_dds_node, robot, eventually
 ):
@@ -120,6 +121,7 @@ def test_behind_the_bridge_a_publisher_of_the_other_type_is_not_heard_and_diagno
     assert {"key": "accepted", "value": "0"} in commands(warned)["values"]
 
 
+@pytest.mark.nightly
 def test_all_topics_show_behind_the_bridge_before_anybody_uses_them(
     bridge, start_dds_node, robot, eventually
 ):
@@ -138,12 +140,14 @@ def test_all_topics_show_behind_the_bridge_before_anybody_uses_them(
     assert mine == {topic: ros2_names.dds_type(ros_type) for topic, ros_type in types.items()}
 
 
+@pytest.mark.nightly
 def test_a_dds_node_that_starts_late_gets_the_static_frames(bridge, start_dds_node, robot):
     robot(bridge.endpoint)
     for _ in range(2):
         assert laser_of(start_dds_node("/tf_static")) == "laser"
 
 
+@pytest.mark.nightly
 def test_bridge_and_daemon_may_restart(bridge, dds_node, robot):
     driven = robot(bridge.endpoint)
     dds_node.order("drive", vx=0.1, wz=0.4, hz=20)
@@ -177,6 +181,7 @@ def reconfigure(bridge, tmp_path):
     return again
 
 
+@pytest.mark.nightly
 def test_a_robot_with_a_bridge_of_its_own_has_plain_names_there(
     bridge, reconfigure, dds_node, robot
 ):
@@ -191,6 +196,7 @@ def test_a_robot_with_a_bridge_of_its_own_has_plain_names_there(
     is_stopped_and_released(dds_node)
 
 
+@pytest.mark.nightly
 def test_robots_behind_one_bridge_are_distinguished_by_their_namespaces(
     bridge, reconfigure, start_dds_node, robot, eventually
 ):
@@ -224,6 +230,7 @@ def test_a_native_node_drives_without_a_bridge_and_sees_it(
         assert numbers == list(range(numbers[0], numbers[-1] + 1)), "every sample arrives"
 
 
+@pytest.mark.nightly
 def test_native_nodes_need_no_router(start_native_node, robot, tmp_path, request):
     """They also hear each other, a program of others among them."""
     driven = robot(free_endpoint(), "ros2.bridge=false", "ros2.rmw_zenoh=true")
@@ -243,6 +250,7 @@ def test_native_nodes_need_no_router(start_native_node, robot, tmp_path, request
     }
 
 
+@pytest.mark.nightly
 def test_the_node_shows_in_a_native_graph_with_all_that_it_has(
     router, native_node, start_pair, robot, eventually
 ):
@@ -267,6 +275,7 @@ def test_the_node_shows_in_a_native_graph_with_all_that_it_has(
     assert all(topics[f"/bot1{topic}"]["subscribers"] == 1 for topic in IN)
 
 
+@pytest.mark.nightly
 def test_a_native_node_that_starts_late_gets_the_static_frames(
     router, start_native_node, start_pair, robot
 ):

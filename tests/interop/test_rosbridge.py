@@ -14,7 +14,7 @@ from real_robot import Client, RealRobot
 from ros_peers import CACHE, HERE, Bridge, Peer, built, start_peer
 from zenoh_fixtures import free_endpoint
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.realtime, pytest.mark.nightly]
 
 
 @pytest.fixture

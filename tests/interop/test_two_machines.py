@@ -15,7 +15,7 @@ import pytest
 from ros_peers import DISTROS, EXAMPLE, built, ros_node, start_peer, until
 from zenoh_fixtures import free_endpoint
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.realtime, pytest.mark.nightly]
 
 ROBOT, LAPTOP = "10.77.0.1", "10.77.0.2"
 DOMAIN = 0

@@ -58,7 +58,7 @@ class Program:
 
     Attributes:
         build: Builds it if necessary; raises :class:`Missing` if it cannot.
-        slow: It takes minutes of compiling: only ``make clients`` runs it.
+        slow: It takes minutes of compiling: its tests are nightly.
         commands: The part of the contract that it can do; docs/clients.md explains the rest.
         gateway: How it reaches the robot through the gateway of web clients: scheme and path.
     """

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import time
 from collections.abc import Callable, Iterator
@@ -25,11 +24,6 @@ SPEEDS = re.compile(r"\$spd:([-\d,]+)#")
 STOPS_WITHIN_S = 1.0
 """From the loss to the last frame with motion: 0.5 s are the daemon's own timeout, 0.2 s its ramp,
 the rest is this machine's."""
-
-LONG = pytest.mark.skipif(
-    not os.environ.get("YAHBOOMD_BROWSER"), reason="minutes: make browser without SHORT"
-)
-"""Beyond the short form."""
 
 HELD_NS = 250_000_000
 """The daemon repeats a speed at least at this period."""
