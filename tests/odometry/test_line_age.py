@@ -37,6 +37,7 @@ def wild(time_s):
     return 3000.0 * time_s + 900.0 * math.sin(2.0 * time_s)
 
 
+@pytest.mark.cases(12)
 @pytest.mark.parametrize("first_ms", range(10))
 @pytest.mark.parametrize("speed", [steady, wild])
 @pytest.mark.parametrize(("jitter_ms", "lost"), [(0.0, 0.0), (8.0, 0.0), (3.0, 0.1)])

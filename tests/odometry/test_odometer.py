@@ -374,7 +374,7 @@ faults = st.sampled_from(
 )
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 2**32), kinds=st.lists(faults, min_size=5, max_size=60))
 @pytest.mark.parametrize("period_ns", [None, 10 * MS])
 def test_no_fault_makes_the_pose_jump_or_the_covariance_shrink(kit, period_ns, seed, kinds):
@@ -878,7 +878,7 @@ def test_each_gap_makes_the_heading_of_the_sensor_as_unsure_as_the_one_before(ki
 
 @pytest.mark.parametrize("sample_period_ns", [None, 10 * MS])
 @given(st.integers(0, 1000))
-@settings(max_examples=15)
+@settings(max_examples=6)
 def test_wheels_that_stand_on_for_long_leave_no_trace_in_what_follows(kit, sample_period_ns, seed):
     """Readings that are spared the whole way change nothing but how sure it is that they stand."""
     kept, spared = (Rig(kit, sample_period_ns=sample_period_ns) for _ in range(2))

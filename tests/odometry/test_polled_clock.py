@@ -122,7 +122,7 @@ def test_the_first_answer_after_a_break_may_have_waited_for_a_process_that_did_n
     assert first.stamp_ns == asked_ns + 400_000
 
 
-@settings(max_examples=150)
+@settings(max_examples=60)
 @given(
     answers=st.lists(
         st.tuples(st.integers(1, 120), st.integers(0, 300), st.integers(0, 40)), max_size=60

@@ -84,6 +84,7 @@ def apply(odometer: Odometer, kind: str, value):
 
 
 @pytest.mark.cases(4)
+@pytest.mark.cases(6)
 @pytest.mark.parametrize("fused", [False, True])
 @pytest.mark.parametrize("board", BOARDS)
 @pytest.mark.parametrize("seed", [1, 2])
