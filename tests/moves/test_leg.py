@@ -85,6 +85,7 @@ def ahead(way: float, lag: LagModel, *, backward: bool = False) -> CourseLeg:
     return CourseLeg(WAY, lag, course=course(begin, (way, 0.0)), turn=TURN, backward=backward)
 
 
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("lag_s", [0.05, 0.1, 0.2, 0.3])
 @pytest.mark.parametrize("backward", [False, True])
 def test_a_straight_ends_at_its_length_in_time_and_without_overshoot(
@@ -100,6 +101,7 @@ def test_a_straight_ends_at_its_length_in_time_and_without_overshoot(
         assert driven.time_s <= ideal_time_s(way, WAY) + MOST_MORE_S[lag_s]
 
 
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("lag_s", [0.05, 0.1, 0.2, 0.3])
 @pytest.mark.parametrize("angle", [-3.0, -0.3, 0.3, math.pi / 2.0])
 def test_a_turn_ends_at_its_angle(lag_s: float, angle: float) -> None:
@@ -120,6 +122,7 @@ def test_a_base_beside_its_course_comes_to_it_without_a_swing(lag_s: float) -> N
     assert min(pose.y for pose in driven.path) > -0.004
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("lag_s", [0.05, 0.1, 0.2, 0.3])
 def test_bends_are_followed_within_a_centimetre(lag_s: float) -> None:
     lag = LagModel()

@@ -400,7 +400,7 @@ def test_numbers_that_no_base_can_drive_are_refused(kept: Kept, request_: MoveRe
 def test_of_two_clients_at_once_one_is_refused_and_neither_ends_the_other(kept: Kept) -> None:
     assert kept.start().success
     other = msgspec.structs.replace(STRAIGHT, by="another", holder="other")
-    assert all(not kept.start(other).success for _ in range(1000))
+    assert all(not kept.start(other).success for _ in range(100))
     kept.keeper.holder("other", present=False)
     kept.run(8.0)
     assert kept.reason == "reached"
@@ -410,7 +410,7 @@ def test_of_two_clients_at_once_one_is_refused_and_neither_ends_the_other(kept: 
 
 def test_no_order_of_choices_has_it_drive_after_its_end(kept: Kept) -> None:
     chance = Random(1)
-    for _ in range(60):
+    for _ in range(25):
         kept.x = 0.0
         kept.pose()
         assert kept.start().success
@@ -497,6 +497,7 @@ class Lossy(MoveBench):
             await asyncio.sleep(0.02)
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize(
     ("loss", "most_s"), [("client", 1.3), ("token", 0.8), ("cancel", 0.8), ("service", 1.1)]
 )
@@ -512,7 +513,7 @@ async def test_a_robot_stands_soon_after_its_client_is_lost(
         assert await bench.lose(loss, after_s) < most_s
 
 
-@pytest.mark.cases(4)
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("hours", [-9.0, -0.00007, 0.0001, 9.0])
 @pytest.mark.parametrize("whose", [(1, 0), (0, 1), (1, 1)])
 @on_virtual_time

@@ -79,7 +79,14 @@ class OffClock(SystemClock):
         return time.time_ns() + self._off_ns
 
 
-@pytest.mark.parametrize("hours", [0.0, -20.0, 20.0])
+@pytest.mark.parametrize(
+    "hours",
+    [
+        pytest.param(0.0, marks=pytest.mark.nightly),
+        -20.0,
+        pytest.param(20.0, marks=pytest.mark.nightly),
+    ],
+)
 async def test_a_second_service_of_one_robot_ends_in_words_and_the_first_drives_on(
     served: Any, monkeypatch: pytest.MonkeyPatch, hours: float
 ) -> None:
@@ -166,9 +173,9 @@ async def test_a_token_that_goes_ends_the_moves(served: Any) -> None:
         assert service._keeper.last.reason == "client_gone"
 
 
-@pytest.mark.parametrize(
-    ("payload", "words"),
-    [
+async def test_no_request_raises_or_moves_anything(served: Any) -> None:
+    daemon, robot, _ = served
+    for payload, words in (
         (b"", "neither JSON nor MessagePack"),
         (b"hello", "neither JSON nor MessagePack"),
         (b"{", "cannot be read"),
@@ -178,15 +185,12 @@ async def test_a_token_that_goes_ends_the_moves(served: Any) -> None:
         (b'{"moves": [{"kind": "straight", "left_m": 1}]}', "mecanum"),
         (b'{"moves": ' + b"[" * 10_000, "cannot be read"),
         (b'{"moves": [{"kind": "turn"}], "pad": "' + b"x" * 70_000 + b'"}', ""),
-    ],
-)
-async def test_no_request_raises_or_moves_anything(served: Any, payload: bytes, words: str) -> None:
-    daemon, robot, _ = served
-    answer = await robot.request(START, payload)
-    assert not answer.success
-    assert words in answer.message
+    ):
+        answer = await robot.request(START, payload)
+        assert not answer.success
+        assert words in answer.message
+        assert not (await robot.request(CANCEL, payload or b"[")).success
     assert daemon.commands == []
-    assert not (await robot.request(CANCEL, payload or b"[")).success
 
 
 async def test_a_daemon_that_goes_ends_the_moves_and_they_do_not_go_on_when_it_is_back(
@@ -204,6 +208,7 @@ async def test_a_daemon_that_goes_ends_the_moves_and_they_do_not_go_on_when_it_i
     assert not moving(daemon)
 
 
+@pytest.mark.nightly
 async def test_random_messages_move_nothing_and_end_no_move_of_another(served: Any) -> None:
     daemon, robot, service = served
     count = int(os.environ.get("YAHBOOMD_RANDOM_MESSAGES", "200"))
@@ -238,9 +243,3 @@ async def test_random_messages_move_nothing_and_end_no_move_of_another(served: A
         assert not (await robot.request(START, STRAIGHT)).success
     assert service._keeper.last.state == "running"
     assert (await robot.request(CANCEL, json.dumps({"id": name}).encode())).success
-
-
-async def test_two_clients_that_start_at_once_get_one_move(served: Any) -> None:
-    _, robot, _ = served
-    answers = await asyncio.gather(*(robot.request(START, STRAIGHT) for _ in range(12)))
-    assert sum(answer.success for answer in answers) == 1

@@ -38,7 +38,14 @@ def off_the_wave(pose: Pose2d) -> float:
 
 
 @pytest.mark.parametrize(
-    ("preset", "lag_s"), [("2wd", 0.05), ("2wd", 0.2), ("4wd", 0.2), ("mecanum", 0.05)]
+    ("preset", "lag_s"),
+    [
+        ("2wd", 0.2),
+        *(
+            pytest.param(*case, marks=pytest.mark.nightly)
+            for case in (("2wd", 0.05), ("4wd", 0.2), ("mecanum", 0.05))
+        ),
+    ],
 )
 @on_virtual_time
 async def test_moves_end_where_they_should(tmp_path: Path, preset: str, lag_s: float) -> None:
@@ -64,6 +71,7 @@ async def test_moves_end_where_they_should(tmp_path: Path, preset: str, lag_s: f
             assert each.time_s <= each.ideal_s + 3.0 * lag_s + 0.7
 
 
+@pytest.mark.nightly
 @on_virtual_time
 async def test_a_square_of_eight_moves_ends_where_it_began(tmp_path: Path) -> None:
     async with MoveBench(tmp_path) as bench:
@@ -74,6 +82,7 @@ async def test_a_square_of_eight_moves_ends_where_it_began(tmp_path: Path) -> No
         assert square.turned_rad == pytest.approx(2.0 * math.pi, abs=math.radians(0.4))
 
 
+@pytest.mark.nightly
 @on_virtual_time
 async def test_a_goal_is_neared_without_a_stop_at_its_corners(tmp_path: Path) -> None:
     """The turn towards it and the way to it hand on what they leave to the next leg."""
@@ -85,7 +94,7 @@ async def test_a_goal_is_neared_without_a_stop_at_its_corners(tmp_path: Path) ->
         assert there.time_s <= there.ideal_s + 3.0 * 0.1 + 0.3
 
 
-@pytest.mark.parametrize("lag_s", [0.1, 0.3])
+@pytest.mark.parametrize("lag_s", [0.1, pytest.param(0.3, marks=pytest.mark.nightly)])
 @on_virtual_time
 async def test_what_is_passed_early_is_corrected_before_a_goal_counts_as_reached(
     tmp_path: Path, lag_s: float
@@ -103,6 +112,7 @@ async def test_what_is_passed_early_is_corrected_before_a_goal_counts_as_reached
             assert math.hypot(pose.x - x, pose.y - y) < 0.004
 
 
+@pytest.mark.nightly
 @on_virtual_time
 async def test_short_ways_to_the_side_are_not_blocked(tmp_path: Path) -> None:
     """A turn there and one back end at the first heading, 30 mm to the side."""
@@ -137,17 +147,6 @@ async def test_a_base_that_is_held_is_blocked(tmp_path: Path) -> None:
 
 
 @on_virtual_time
-async def test_a_pose_that_is_set_ends_it(tmp_path: Path) -> None:
-    async with MoveBench(tmp_path) as bench:
-        await bench.ready()
-        moving = asyncio.create_task(bench.move([Move(kind="straight", distance_m=2.0)]))
-        await asyncio.sleep(2.0)
-        bench.operator.set_pose(Pose2d(x=7.0), None)
-        driven = await moving
-        assert driven.ended.reason == "pose_changed"
-
-
-@on_virtual_time
 async def test_a_car_drives_arcs_goals_and_paths_and_refuses_a_turn_in_place(
     tmp_path: Path,
 ) -> None:
@@ -170,6 +169,7 @@ async def test_a_car_drives_arcs_goals_and_paths_and_refuses_a_turn_in_place(
             await bench.move([Move(kind="turn", angle_rad=1.0)])
 
 
+@pytest.mark.nightly
 @on_virtual_time
 async def test_with_slip_the_end_is_as_good_as_the_pose(tmp_path: Path) -> None:
     async with MoveBench(tmp_path, "4wd") as bench:
@@ -181,7 +181,9 @@ async def test_with_slip_the_end_is_as_good_as_the_pose(tmp_path: Path) -> None:
         assert 0.01 < math.hypot(driven.end.x - 1.0, driven.end.y) < 0.08
 
 
-@pytest.mark.parametrize(("least", "most"), [(0.0, 0.2), (0.8, 0.9)])
+@pytest.mark.parametrize(
+    ("least", "most"), [pytest.param(0.0, 0.2, marks=pytest.mark.nightly), (0.8, 0.9)]
+)
 @on_virtual_time
 async def test_wheels_that_spin_while_the_gyro_stands_end_it_and_little_slip_does_not(
     tmp_path: Path, least: float, most: float
@@ -193,18 +195,6 @@ async def test_wheels_that_spin_while_the_gyro_stands_end_it_and_little_slip_doe
         driven = await bench.move([Move(kind="turn", angle_rad=3.0)])
         assert driven.ended.reason == ("slipping" if least else "reached")
         assert not least or driven.time_s < 1.0
-
-
-@pytest.mark.parametrize("bound_m", [0.001, 0.5])
-@on_virtual_time
-async def test_a_place_more_uncertain_than_the_bound_ends_it(
-    tmp_path: Path, bound_m: float
-) -> None:
-    async with MoveBench(tmp_path) as bench:
-        await bench.ready()
-        bench.uncertain_m = bound_m
-        driven = await bench.move([Move(kind="straight", distance_m=2.0)])
-        assert driven.ended.reason == ("uncertain" if bound_m < 0.01 else "reached")
 
 
 # Without a robot.
