@@ -61,16 +61,10 @@ def looking(robot: PageBench, camera: UStreamer) -> Iterator[Page]:
     robot.recover()
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("size", "phone"),
-    [
-        ((844, 390), True),
-        *(
-            pytest.param((width, high), True, marks=pytest.mark.nightly)
-            for width, high in ((360, 740), (768, 1024))
-        ),
-        pytest.param((1920, 1080), False, marks=pytest.mark.nightly),
-    ],
+    [((844, 390), True), ((360, 740), True), ((768, 1024), True), ((1920, 1080), False)],
 )
 def test_the_picture_is_live_in_every_layout_and_covers_no_control(
     robot: PageBench, size: tuple[int, int], phone: bool
@@ -126,6 +120,7 @@ def test_the_picture_has_no_barrier_that_axe_finds_live_or_not_also_at_twice_the
     camera.thaw()
 
 
+@pytest.mark.nightly
 def test_the_robot_is_driven_and_stopped_as_ever_while_it_is_seen(
     robot: PageBench, looking: Page
 ) -> None:
@@ -169,6 +164,7 @@ def test_a_camera_that_is_gone_is_reported_in_words_and_found_again(
     looking.until(LIVE)
 
 
+@pytest.mark.nightly
 def test_pictures_that_come_late_through_the_network_never_look_live(
     robot: PageBench, looking: Page
 ) -> None:
@@ -211,6 +207,7 @@ def test_nothing_is_fetched_from_the_camera_unless_somebody_looks(
     assert camera.clients() == 1
 
 
+@pytest.mark.nightly
 def test_a_robot_without_a_camera_shows_nothing_of_it(page: Page) -> None:
     assert page.evaluate("document.querySelector('.camera')") is None
     assert not page.evaluate(

@@ -12,7 +12,7 @@ import pytest
 from chromium import chromium_program
 from real_robot import wait_for
 
-pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser")]
+pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser"), pytest.mark.nightly]
 
 TESTS = """\
 import sys

@@ -107,12 +107,10 @@ LOSSES: dict[str, Callable[[Page], None]] = {
 }
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "loss",
-    [
-        pytest.param(loss, id=name, marks=() if name == "tab hidden" else pytest.mark.nightly)
-        for name, loss in LOSSES.items()
-    ],
+    [pytest.param(loss, id=name) for name, loss in LOSSES.items()],
 )
 def test_a_place_that_is_lost_stops_the_wheels(
     bench: PageBench, page: Page, loss: Callable[[Page], None]
@@ -166,6 +164,7 @@ def test_a_server_that_is_killed_ends_the_move(bench: PageBench, page: Page) -> 
     bench.start_server()
 
 
+@pytest.mark.nightly
 def test_without_the_service_the_page_says_so_and_drives_nowhere(
     bench: PageBench, moves: Process
 ) -> None:

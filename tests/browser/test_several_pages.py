@@ -12,6 +12,7 @@ from page_bench import PageBench
 pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser")]
 
 
+@pytest.mark.nightly
 def test_a_second_page_drives_only_after_it_took_control(bench: PageBench, page: Page) -> None:
     page.order("Emulation.setFocusEmulationEnabled", enabled=True)  # Two phones: both are seen.
     bench.press(page)

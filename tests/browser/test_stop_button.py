@@ -19,13 +19,8 @@ def release(bench: PageBench, page: Page) -> None:
     wait_for(lambda: page.evaluate(button) or page.text("#state") == "standing", "it is released")
 
 
-@pytest.mark.parametrize(
-    "view",
-    [
-        "map",
-        *(pytest.param(view, marks=pytest.mark.nightly) for view in ("drive", "wheels", "health")),
-    ],
-)
+@pytest.mark.nightly
+@pytest.mark.parametrize("view", ["map", "drive", "wheels", "health"])
 def test_the_button_is_seen_in_every_view_and_stops(
     bench: PageBench, page: Page, view: str
 ) -> None:

@@ -67,7 +67,7 @@ LOSSES: dict[str, Callable[[Page], None]] = {
 }
 
 
-IN_SHORT = {"screen locked", "page reloaded"}
+IN_SHORT = {"screen locked"}
 
 
 def screen(page: Page, width: int, height: int, angle: int = 0) -> None:
@@ -166,11 +166,12 @@ def test_a_second_finger_anywhere_stops_and_the_first_drives_again_only_when_lif
 
 SIZES = [
     pytest.param((360, 740), id="upright"),
-    pytest.param((844, 390), id="on its side", marks=pytest.mark.nightly),
-    pytest.param((740, 360), id="small, on its side", marks=pytest.mark.nightly),
+    pytest.param((844, 390), id="on its side"),
+    pytest.param((740, 360), id="small, on its side"),
 ]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("size", SIZES)
 def test_texts_that_grow_while_the_thumb_is_down_neither_move_the_pad_nor_end_the_drive(
     bench: PageBench, page: Page, size: tuple[int, int]
@@ -188,6 +189,7 @@ def test_texts_that_grow_while_the_thumb_is_down_neither_move_the_pad_nor_end_th
     bench.stops_after(page.lift)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("size", SIZES)
 def test_the_pad_does_not_move_under_the_thumb_whatever_the_page_says(
     bench: PageBench, page: Page, size: tuple[int, int]
@@ -233,6 +235,7 @@ def test_the_page_sends_zeros_for_a_second_and_then_nothing(bench: PageBench, pa
     assert 0.5 < zeros[-1] - zeros[0] < 1.3
 
 
+@pytest.mark.nightly
 def test_keys_drive_while_they_are_held(bench: PageBench, page: Page) -> None:
     bench.hold(page, "ArrowUp")
     bench.stops_after(lambda: page.key("ArrowUp", down=False))

@@ -248,6 +248,7 @@ LOOK = """async (asked) => {
 }"""
 
 
+@pytest.mark.nightly
 def test_every_question_has_a_small_picture_and_a_measure_says_between_which_points(
     bench: PageBench,
 ) -> None:
@@ -261,6 +262,7 @@ def test_every_question_has_a_small_picture_and_a_measure_says_between_which_poi
         assert page.problems() == []
 
 
+@pytest.mark.nightly
 def test_a_recording_is_made_downloaded_and_removed(bench: PageBench, tmp_path: Path) -> None:
     with bench.page(f"{bench.url}#record") as page:
         page.order("Page.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
@@ -303,6 +305,7 @@ def test_a_box_that_is_saved_while_its_view_is_opened_is_listed_without_another_
         page.says(".boxes .files", "Emergency stop")
 
 
+@pytest.mark.nightly
 def test_an_emergency_stop_is_listed_explained_and_downloaded_and_a_box_is_saved_now(
     bench: PageBench, tmp_path: Path
 ) -> None:

@@ -32,7 +32,7 @@ def show(page: Page, view: str) -> None:
     ("scheme", "size"),
     [
         pytest.param("light", PHONE, id="light-phone"),
-        pytest.param("dark", DESKTOP, id="dark-desktop"),
+        pytest.param("dark", DESKTOP, id="dark-desktop", marks=pytest.mark.nightly),
         pytest.param("dark", PHONE, id="dark-phone", marks=pytest.mark.nightly),
         pytest.param("light", DESKTOP, id="light-desktop", marks=pytest.mark.nightly),
         pytest.param("dark", ON_ITS_SIDE, id="dark-phone-on-its-side", marks=pytest.mark.nightly),
@@ -63,6 +63,7 @@ def test_no_view_has_a_barrier_that_axe_finds_and_none_is_wider_than_the_screen(
     assert violations(page) == []
 
 
+@pytest.mark.nightly
 def test_where_less_motion_is_preferred_the_page_moves_nothing_and_says_the_same(
     bench: PageBench, page: Page
 ) -> None:
@@ -214,16 +215,13 @@ def sizes_of_text(page: Page) -> list[float]:
     return found
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("size", "percent"),
     [
-        pytest.param(PHONE, 200, id="phone-200"),
-        *(
-            pytest.param(size, percent, id=f"{size[0]}-{percent}", marks=pytest.mark.nightly)
-            for size in (PHONE, (768, 1024), DESKTOP)
-            for percent in (100, 200)
-            if (size, percent) != (PHONE, 200)
-        ),
+        pytest.param(size, percent, id=f"{size[0]}-{percent}")
+        for size in (PHONE, (768, 1024), DESKTOP)
+        for percent in (100, 200)
     ],
 )
 def test_neither_a_stop_nor_its_words_move_or_cover_the_pad_and_they_grow_with_the_text(
@@ -518,6 +516,7 @@ def test_wheels_and_health_show_what_the_bus_says(bench: PageBench, page: Page) 
         other.says("#health", "connections with a recognised board")
 
 
+@pytest.mark.nightly
 def test_a_source_that_the_daemon_does_not_have_is_named_before_a_touch(bench: PageBench) -> None:
     port = free_endpoint().rsplit(":", 1)[1]
     address, connect = f"127.0.0.1:{port}", bench.robot.endpoint

@@ -80,13 +80,8 @@ def test_500_ms_of_delay_in_mid_motion_stop_the_robot_and_the_page_says_why(
     bench.stops_after(page.lift)
 
 
-@pytest.mark.parametrize(
-    "number",
-    [
-        pytest.param(signal.SIGKILL, id="killed"),
-        pytest.param(signal.SIGTERM, id="ended", marks=pytest.mark.nightly),
-    ],
-)
+@pytest.mark.nightly
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_a_server_that_ends_leaves_a_robot_that_stands(
     bench: PageBench, page: Page, number: signal.Signals
 ) -> None:
