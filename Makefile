@@ -54,7 +54,7 @@ test: fixed ## four minutes: every claim of the daemon once, with one real proce
 	$(PYTEST) $(PARALLEL) -m "not nightly" $(REST) $(ARGS)
 
 test-all: fixed ## hours: also every case of each fault, the other languages, ROS 2, the browser, the firmwares, the installed service
-	$(PYTEST) $(PARALLEL) $(REST)
+	$(PYTEST) $(PARALLEL) --hypothesis-profile=many $(REST)
 	@$(MAKE) --no-print-directory interop clients generators browser firmware site system-test
 
 fixed: $(VENV)/.dev

@@ -38,9 +38,10 @@ settings.register_profile(
 )
 # The same examples every time: a change that fails is at fault itself. New ones are tried by
 # `pytest --hypothesis-profile=explore`.
-settings.register_profile("same examples", settings.get_profile("explore"), derandomize=True)
+settings.register_profile("many", settings.get_profile("explore"), derandomize=True)
+settings.register_profile("same examples", settings.get_profile("many"), max_examples=50)
 # The short loop of `make quick`.
-settings.register_profile("few", settings.get_profile("same examples"), max_examples=20)
+settings.register_profile("few", settings.get_profile("many"), max_examples=20)
 settings.load_profile("same examples")
 
 TESTS = Path(__file__).parent
