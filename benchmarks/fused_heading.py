@@ -155,7 +155,11 @@ class Run:
     def __init__(self, seed: int, sensor: str, case: Case) -> None:
         self._random = random = Random(seed)
         options = msgspec.structs.replace(
-            SENSORS[sensor], gyro_scale=case.scale, warming_k=case.warming_k
+            SENSORS[sensor],
+            gyro_scale=case.scale,
+            warming_k=case.warming_k,
+            # Mounted as configured.
+            axes="x y z",
         )
         self._case = case
         self._imu = ImuModel(options, random)
