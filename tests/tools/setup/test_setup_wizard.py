@@ -165,7 +165,9 @@ async def test_a_board_that_this_tree_does_not_know_is_set_up_by_hand() -> None:
 
 
 @on_virtual_time
-async def test_a_board_that_divides_a_motion_itself_has_its_plugs_named(tmp_path: Path) -> None:
+async def test_a_board_that_divides_a_motion_itself_has_its_plugs_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     bench = LinkBench(
         dialect="rosmaster",
         drive="mecanum",
@@ -186,6 +188,8 @@ async def test_a_board_that_divides_a_motion_itself_has_its_plugs_named(tmp_path
     (fault,) = found.wiring.faults
     assert (fault.kind, fault.position) == ("motor_misplaced", 3)
     assert "M3 (front right) is mounted the other way round, and this board cannot" in fault.words
+    # At the start, and beside the faults.
+    assert capsys.readouterr().err.count("M1 is the plug M4") == 2
     # The file is that of the repaired robot.
     assert connected(found) == true_wiring(bench) | {"front_right": -3}
 

@@ -240,6 +240,9 @@ class Dialect(msgspec.Struct, frozen=True, kw_only=True):
     title: str
     """The name under which the board is sold."""
 
+    plugs: str = ""
+    """How its motor plugs are printed, if not as its frames number them."""
+
     # Bytes and their meaning.
 
     resync: bytes

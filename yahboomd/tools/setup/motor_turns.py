@@ -104,6 +104,7 @@ class ByOutput:
         """
         say("\nEach motor turns for a moment, half a turn of its wheel at most. Watch the wheels.")
         say(FORWARD)
+        _say_plugs(self._talk)
         say(self._robot.picture)
         again: Sequence[int] = range(1, CHANNELS + 1)
         while True:
@@ -120,7 +121,7 @@ class ByOutput:
                 verdict = self._verdict()
             if not verdict.missing:
                 verdict = as_drivable(verdict, self._robot.ways)
-            if not verdict.faults or await _gives_up(self._person, verdict):
+            if not verdict.faults or await _gives_up(self._person, verdict, self._talk):
                 return verdict
             again = self._suspects(verdict)
 
@@ -248,7 +249,7 @@ class ByHand:
                 continue
             if not verdict.missing:
                 verdict = as_drivable(verdict, self._robot.ways)
-            if not verdict.faults or await _gives_up(self._person, verdict):
+            if not verdict.faults or await _gives_up(self._person, verdict, self._talk):
                 say()
                 say(textwrap.fill(POWER_UNSEEN, WIDTH))
                 return verdict
@@ -281,12 +282,18 @@ async def _counting(talk: Conversation) -> Counts:
     )
 
 
-async def _gives_up(person: Respondent, verdict: WiringFound) -> bool:
+def _say_plugs(talk: Conversation) -> None:
+    if talk.dialect.plugs:
+        say(textwrap.fill(talk.dialect.plugs, WIDTH))
+
+
+async def _gives_up(person: Respondent, verdict: WiringFound, talk: Conversation) -> bool:
     """Print the faults; return whether the person wants the file anyway."""
     say_heading("To be repaired: no configuration can correct it")
     say_points(fault.words for fault in verdict.faults)
     if verdict.hint:
         say(textwrap.fill(verdict.hint, WIDTH))
+    _say_plugs(talk)
     say(REPAIR)
     question = MISSING if verdict.missing else TRY
     while True:

@@ -56,6 +56,11 @@ class Rosmaster(Dialect, frozen=True, kw_only=True):
 
     name: str = "rosmaster"
     title: str = "Yahboom Rosmaster expansion board"
+    plugs: str = (
+        "M1 to M4 are the numbers in this board's frames. Two owners found its plugs printed the "
+        "other way round: M1 is the plug M4, M2 the plug M3, M3 the plug M2, and M4 the plug M1. "
+        "Follow the cable of the wheel, not the print."
+    )
     baudrate: int = 115_200
     # Not 1a86:7522: that is the voice module of the same car.
     usb_ids: tuple[str, ...] = ("1a86:7523",)
