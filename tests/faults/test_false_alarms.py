@@ -61,7 +61,7 @@ def base(
     return FaultBench(tmp_path, [*BASES[drive], *limits], simulation)
 
 
-@pytest.mark.cases(4)
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("limits", [[], UNLIMITED], ids=["limited", "unlimited"])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("drive", BASES)
@@ -96,6 +96,7 @@ async def test_wild_driving_with_healthy_motors_raises_no_alarm(
         assert bench.standing
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("limits", [[], UNLIMITED], ids=["limited", "unlimited"])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
@@ -130,6 +131,7 @@ async def test_a_robot_that_was_let_go_may_be_pushed_about(tmp_path: Path) -> No
         assert min(bench.rim_speeds) > 0.2
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
 async def test_a_start_that_the_port_holds_back_accuses_no_wheel(
@@ -148,7 +150,7 @@ async def test_a_start_that_the_port_holds_back_accuses_no_wheel(
         assert min(bench.rim_speeds) > 0.25
 
 
-@pytest.mark.cases(4)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("dialect", "loss"),
     [*itertools.product(DIALECTS, (0.02, 0.05)), ("streamed", 0.08)],

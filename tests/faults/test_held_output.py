@@ -29,14 +29,14 @@ async def ended(bench: QueueingBench) -> None:
     await asyncio.gather(bench.tasks[0], return_exceptions=True)
 
 
-@pytest.mark.cases(4)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("rate", [100.0, 200.0, 1000.0])
 @on_virtual_time
 async def test_behind_a_slow_port_a_stop_waits_for_one_frame_at_most(
     tmp_path: Path, dialect: str, rate: float
 ) -> None:
-    for phase_ms in (0, 37, 148):
+    for phase_ms in (0, 148):
         folder = tmp_path / str(phase_ms)
         folder.mkdir()
         line = Line()
@@ -61,7 +61,7 @@ async def test_behind_a_slow_port_a_stop_waits_for_one_frame_at_most(
                 assert "bytes/s of 11520" in bench.events("port_slow")[0]
 
 
-@pytest.mark.cases(4)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("drops", [True, False], ids=["uart", "usb"])
 @pytest.mark.parametrize("stall_s", [0.1, 0.29, 0.5, 1.0, 1.5, 2.0])
@@ -82,6 +82,7 @@ async def test_an_end_while_the_output_stalls_waits_for_it_and_sees_the_wheels_s
         assert bench.events("stop_not_seen") == []
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("drops", [True, False], ids=["uart", "usb"])
 @on_virtual_time
@@ -100,7 +101,7 @@ async def test_an_end_on_a_port_that_never_sends_is_bounded_and_claims_nothing(
         assert "the port did not take all of it" in bench.events("stop_not_seen")[0]
 
 
-@pytest.mark.cases(4)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("drops", [True, False], ids=["uart", "usb"])
 @pytest.mark.parametrize("stall_s", [0.1, 0.25, 0.5, 1.0, 2.0])
@@ -108,7 +109,7 @@ async def test_an_end_on_a_port_that_never_sends_is_bounded_and_claims_nothing(
 async def test_after_a_stall_no_motion_follows_a_stop_that_was_engaged_during_it(
     tmp_path: Path, dialect: str, drops: bool, stall_s: float
 ) -> None:
-    for phase_ms in (0, 7, 23, 60):
+    for phase_ms in (0, 23):
         folder = tmp_path / str(phase_ms)
         folder.mkdir()
         line = Line(drops=drops)
@@ -125,39 +126,39 @@ async def test_after_a_stall_no_motion_follows_a_stop_that_was_engaged_during_it
             assert bench.fastest_since(stood_ns) < 0.03
 
 
-@pytest.mark.cases(4)
+QUEUES = {
+    # If the queue is seen, the port is opened again after 0.3 s, and then every second.
+    "uart": (True, True, [0.31, 0.4, 1.4, 1.5, 2.7, 2.9]),
+    "usb": (False, True, [0.31, 0.4, 1.4, 1.5, 2.7, 2.9]),
+    # If not, a polled board is silent, and the session with it ends.
+    "pty": (True, False, [1.88, 1.9, 1.92, 1.94, 1.96, 1.98]),
+}
+
+
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize(
-    ("drops", "tells", "stalls_s"),
-    [
-        # If the queue is seen, the port is opened again after 0.3 s, and then every second.
-        (True, True, [0.31, 0.4, 1.4, 1.5, 2.7, 2.9]),
-        (False, True, [0.31, 0.4, 1.4, 1.5, 2.7, 2.9]),
-        # If not, a polled board is silent, and the session with it ends.
-        (True, False, [1.88, 1.9, 1.92, 1.94, 1.96, 1.98]),
-    ],
-    ids=["uart", "usb", "pty"],
+    ("queue", "stall_s"), [(queue, s) for queue, (*_, stalls_s) in QUEUES.items() for s in stalls_s]
 )
 @on_virtual_time
 async def test_whenever_a_stall_ends_an_estop_engaged_during_it_is_on_the_wire_at_once(
-    tmp_path: Path, dialect: str, drops: bool, tells: bool, stalls_s: list[float]
+    tmp_path: Path, dialect: str, queue: str, stall_s: float
 ) -> None:
-    for stall_s in stalls_s:
-        folder = tmp_path / str(stall_s)
-        folder.mkdir()
-        line = Line(drops=drops, tells=tells)
-        async with robot(folder, dialect, line) as bench:
-            await bench.ready()
-            await bench.drive(5.5, 0.35)
-            line.stall(stall_s)
-            ends_ns = bench.clock.now_ns() + round(stall_s * 1e9)
-            await bench.drive(0.1, 0.35)
-            bench.operator.engage_estop("a test")
-            await asyncio.sleep(stall_s + 0.5)
-            stops_ns = [at_ns for at_ns, data in line.sent if at_ns >= ends_ns and holds_stop(data)]
-            assert stops_ns[0] - ends_ns < 20 * MS, stall_s
+    drops, tells, _ = QUEUES[queue]
+    line = Line(drops=drops, tells=tells)
+    async with robot(tmp_path, dialect, line) as bench:
+        await bench.ready()
+        await bench.drive(5.5, 0.35)
+        line.stall(stall_s)
+        ends_ns = bench.clock.now_ns() + round(stall_s * 1e9)
+        await bench.drive(0.1, 0.35)
+        bench.operator.engage_estop("a test")
+        await asyncio.sleep(stall_s + 0.5)
+        stops_ns = [at_ns for at_ns, data in line.sent if at_ns >= ends_ns and holds_stop(data)]
+        assert stops_ns[0] - ends_ns < 20 * MS
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("rate", [100.0, 200.0])
 @on_virtual_time

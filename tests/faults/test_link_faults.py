@@ -64,6 +64,7 @@ async def test_a_board_whose_version_holds_escape_sequences_commands_no_terminal
 # A board that is no longer heard.
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
 async def test_unseen_wheels_of_a_stream_are_stopped_as_soon_however_seldom_others_are_asked(
@@ -79,7 +80,7 @@ async def test_unseen_wheels_of_a_stream_are_stopped_as_soon_however_seldom_othe
         assert first_stop_ns(bench.orders_since(now_ns)) - now_ns <= 350 * MS
 
 
-@pytest.mark.cases(4)
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("fault", ["mute 0.8", "mute 3", "babble 3", "hang"])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
@@ -103,7 +104,7 @@ async def test_unseen_wheels_are_stopped_after_300_ms(
         assert alive(bench)
 
 
-@pytest.mark.cases(4)
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("fault", ["mute 0.8", "mute 3", "babble 3", "brown-out 0.5", "reset"])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
@@ -120,7 +121,7 @@ async def test_a_board_that_is_heard_again_drives_again_by_itself(
         assert alive(bench)
 
 
-@pytest.mark.cases(4)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("stopped_s", [None, 0.0, 0.05, 0.2])
 @pytest.mark.parametrize("for_s", [0.3, 0.6, 0.8])
 @pytest.mark.parametrize("dialect", ["streamed", "polled"])
@@ -142,6 +143,7 @@ async def test_a_dip_of_the_supply_accuses_no_wheel_of_disobeying_a_stop(
             assert bench.controller.counters["cuts"] > 0
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
 async def test_a_board_that_hangs_needs_a_reset_and_drives_after_it(
@@ -165,7 +167,7 @@ async def test_a_board_that_hangs_needs_a_reset_and_drives_after_it(
 # A line that garbles.
 
 
-@pytest.mark.cases(4)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("noise", ["loss 0.2", "loss 0.05", "corruption 0.2", "corruption 0.02"])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
@@ -190,6 +192,7 @@ async def test_noise_may_stop_the_robot_and_raises_nothing(
         assert min(bench.rim_speeds) > 0.2
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
 async def test_bytes_that_come_one_by_one_and_late_drive_as_well(
@@ -233,7 +236,7 @@ class HalvingBench(FaultBench):
         return self.port
 
 
-@pytest.mark.cases(4)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("every", [2, 3, 7])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
@@ -273,6 +276,7 @@ HEARD_OR_NOT = [
 ]
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize(("dialect", "announced"), HEARD_OR_NOT)
 @pytest.mark.parametrize("fault", ["reset", "brown-out 0.3"])
 @on_virtual_time
@@ -295,6 +299,7 @@ async def test_after_a_reset_in_motion_the_robot_stands_a_second_heard_or_not(
         assert min(bench.rim_speeds) > 0.2
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
 async def test_a_board_that_keeps_resetting_is_left_alone_until_a_person_came(
@@ -320,7 +325,7 @@ async def test_a_board_that_keeps_resetting_is_left_alone_until_a_person_came(
 
 
 # It comes back just after an attempt, at 1.51 s.
-@pytest.mark.cases(4)
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("away_s", [0.05, 0.5, 1.51, 3.0, 30.0])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
@@ -346,7 +351,7 @@ async def test_after_a_replug_the_wheels_are_stopped_before_anything_else(
         assert alive(bench)
 
 
-@pytest.mark.cases(4)
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("code", [errno.EIO, errno.ENODEV, errno.ENXIO, errno.EBADF, None])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
@@ -371,6 +376,7 @@ async def test_whatever_the_kernel_calls_a_lost_port_it_is_opened_again_and_the_
         assert alive(bench)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
 async def test_what_was_commanded_while_the_board_was_away_is_over_when_it_comes_back(
@@ -417,6 +423,7 @@ async def test_a_missing_port_is_tried_for_ever_about_once_a_second_and_logged_o
         await bench.ready()
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
 async def test_a_silent_port_is_tried_for_ever_without_spinning(
@@ -459,6 +466,7 @@ class StuckBench(FaultBench):
         return self.port
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
 async def test_a_port_whose_output_is_stuck_is_opened_again_and_the_wheels_stopped(

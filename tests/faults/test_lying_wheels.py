@@ -57,7 +57,7 @@ def left_plausibility_ns(bench: FaultBench, since_ns: int, wheel: int, sign: int
     return None
 
 
-@pytest.mark.cases(4)
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("motion", MOTIONS)
 @pytest.mark.parametrize("fault", RUNAWAYS)
 @pytest.mark.parametrize("dialect", DIALECTS)
@@ -85,6 +85,7 @@ async def test_a_wheel_that_runs_away_is_cut_within_150_ms_of_showing_it(
         assert "left" in why
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("command_m_s", "turned_m_s"), [(0.1, 0.4), (0.3, 0.65), (-0.3, -0.65)])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
@@ -108,6 +109,7 @@ async def test_a_wheel_that_something_turns_too_fast_is_cut_within_150_ms(
         assert bench.events("runaway_fast")[0].startswith("right turns at")
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("motion", MOTIONS)
 @pytest.mark.parametrize("fault", SILENT)
 @on_virtual_time
@@ -148,6 +150,7 @@ def silence_due_ns(bench: FaultBench, since_ns: int, wheel: int) -> int:
     raise AssertionError("never due")
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("fault", [*RUNAWAYS, "encoder-dead"])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
@@ -166,7 +169,7 @@ async def test_a_fault_in_mid_motion_ends_in_standstill(
         assert "right" in why
 
 
-@pytest.mark.cases(4)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("loss", [0.0, 0.02])
 @pytest.mark.parametrize("dead_zone", [1600, 1900])
 @pytest.mark.parametrize("speed", [0.0125, 0.02, 0.03, 0.07])
@@ -191,7 +194,7 @@ async def test_a_dead_encoder_at_a_crawl_is_cut_within_45_mm_or_1750_ms_and_runs
         assert bench.standing
 
 
-@pytest.mark.cases(4)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dead_zone", [1600, 1900])
 @pytest.mark.parametrize(("speed", "half_s"), [(0.07, 0.3), (0.07, 0.5), (0.03, 0.6), (0.02, 1.0)])
 @on_virtual_time
@@ -211,6 +214,7 @@ async def test_a_dead_encoder_at_a_crawl_to_and_fro_is_cut_and_runs_750_mm_at_mo
         assert bench.standing
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("for_s", [0.4, 3.0])
 @pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
@@ -227,6 +231,7 @@ async def test_a_stop_does_not_leave_an_unseen_runaway_running(
         assert bench.frames[-1] == SUREST[dialect]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
 async def test_a_wheel_that_no_cut_stops_is_reported_with_the_supply_to_switch_off(
@@ -250,6 +255,7 @@ async def test_a_wheel_that_no_cut_stops_is_reported_with_the_supply_to_switch_o
         assert len(list(filter(SWITCH_OFF.search, bench.events("stop_not_obeyed")))) == 1
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("fault", ["encoder-dead", "encoder-reversed", "phases-swapped"])
 @pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
@@ -270,7 +276,7 @@ async def test_after_a_cut_no_zero_speed_wakes_the_speed_loop_again(
         assert {order for _, order in bench.orders_since(at_ns)} == {SUREST[dialect]}
 
 
-@pytest.mark.cases(4)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("faults", [*RUNAWAYS, *SILENT])
 @pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
@@ -305,6 +311,7 @@ AT_TWO = (
 )
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
 async def test_a_motor_at_another_position_than_configured_is_named_and_stops_the_base(
@@ -321,6 +328,7 @@ async def test_a_motor_at_another_position_than_configured_is_named_and_stops_th
         assert "the position" in why
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("dialect", "profile", "motor_type"),
     [("streamed", "310", 2), ("polled", "310", 2), ("polled", "tt", 3)],
@@ -361,6 +369,7 @@ async def test_tt_motors_on_a_board_set_for_520_show_no_fault_in_any_count(tmp_p
 # Policies.
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("policy", ["stop", "report"])
 @pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
@@ -378,6 +387,7 @@ async def test_a_stalled_wheel_stops_the_base_or_is_only_reported_as_configured(
         assert "check whether the wheel is blocked" in bench.events("no_counts")[0]
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("policy", ["stop", "report"])
 @pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
@@ -395,6 +405,7 @@ async def test_a_wheel_that_turns_by_itself_is_reported_and_stops_the_base_where
 
 
 # The brake of a rosmaster board ends its speed loops: they cannot wind up against a held wheel.
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", ["streamed", "binary"])
 @on_virtual_time
 async def test_a_wheel_that_was_held_against_its_standstill_and_leaps_when_freed_is_cut(
@@ -427,6 +438,7 @@ UNFIT = [
 ]
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("flash", UNFIT)
 @on_virtual_time
 async def test_a_board_whose_settings_would_run_away_gets_no_speed_at_all(

@@ -44,7 +44,7 @@ def stamped(bench: FaultBench, vx: float, ago_s: float) -> bytes:
     return json.dumps({"vx": vx, "stamp_ns": bench.clock.wall_ns() - round(ago_s * 1e9)}).encode()
 
 
-@pytest.mark.cases(4)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("for_s", [0.35, 0.6, 0.9, 1.2, 1.5, 1.9])
 @on_virtual_time
@@ -70,6 +70,7 @@ async def test_a_pause_of_the_process_accuses_neither_board_nor_wheels(
             assert for_s <= event.data["duration_s"] <= for_s + 0.05
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("for_s", [0.6, 1.2, 1.9])
 @on_virtual_time
@@ -90,7 +91,7 @@ async def test_what_was_commanded_before_a_pause_is_over_and_the_stop_is_the_fir
         assert not ALARMS & set(bench.heard.kinds)
 
 
-@pytest.mark.cases(4)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("for_s", [0.6, 0.9, 1.2, 1.9])
 @on_virtual_time
@@ -107,6 +108,7 @@ async def test_counters_that_came_nearer_to_zero_during_a_pause_are_no_reset(
         assert max(bench.rim_speeds) < -0.25
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
 async def test_a_pause_during_a_stop_gives_the_wheels_their_time_again(
@@ -123,6 +125,7 @@ async def test_a_pause_during_a_stop_gives_the_wheels_their_time_again(
         assert not ALARMS & set(bench.heard.kinds)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("for_s", [0.5, 1.5])
 @on_virtual_time
@@ -139,6 +142,7 @@ async def test_a_wheel_that_runs_away_during_a_pause_is_cut_after_it(
         assert any(event.wheel == "left" for event in bench.heard.events)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
 async def test_commands_that_waited_for_a_paused_process_move_nothing(
@@ -162,6 +166,7 @@ async def test_commands_that_waited_for_a_paused_process_move_nothing(
         assert min(bench.rim_speeds) > 0.2
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("for_s", [0.6, 6.0, 20.0])
 @pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
@@ -183,6 +188,7 @@ async def test_of_stamped_commands_that_waited_only_the_fresh_ones_move_anything
         assert driving == (for_s < 10.0)
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("with_stamps", [True, False])
 @pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
@@ -222,6 +228,7 @@ async def test_after_a_suspend_nothing_of_before_moves_anything(
         assert min(bench.rim_speeds) > 0.2
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
 async def test_an_estop_is_not_released_at_the_end_of_a_pause_before_commands_are_heard(
@@ -238,39 +245,11 @@ async def test_an_estop_is_not_released_at_the_end_of_a_pause_before_commands_ar
 
 
 @pytest.mark.realtime
-@pytest.mark.parametrize("dialect", ["streamed", "polled"])
-def test_a_daemon_that_was_stopped_and_goes_on_says_so_and_drives_on(
+@pytest.mark.parametrize("dialect", ["polled", pytest.param("streamed", marks=pytest.mark.nightly)])
+def test_a_real_process_that_was_stopped_says_so_obeys_no_old_command_and_drives_on(
     real_robot: Callable[..., RealRobot], client: Callable[..., Client], dialect: str
 ) -> None:
     robot = real_robot(simulate=["--dialect", dialect])
-    app = client("client", robot.endpoint)
-    app.in_state("standing")
-    app.drive(b'{"vx": 0.3}', 1.0)
-    robot.daemon.process.send_signal(signal.SIGSTOP)
-    app.drive(b'{"vx": 0.3}', 1.5)
-    robot.daemon.process.send_signal(signal.SIGCONT)
-    said = r"yahboomd did not run for ([\d.]+) s"
-    # As long as it was stopped; a busy machine may have kept it waiting besides.
-    wait_for(
-        lambda: any(float(each) >= 1.4 for each in re.findall(said, robot.daemon.output)),
-        "it says how long it did not run",
-    )
-    since = len(app.samples["status"])
-    app.drive_until(
-        b'{"vx": 0.3}',
-        lambda: any(each["state"] == "driving" for each in app.samples["status"][since + 1 :]),
-        "it drives on",
-    )
-    kinds = [event["kind"] for event in app.samples["events"]]
-    assert "paused" in kinds
-    assert not ALARMS & set(kinds)
-
-
-@pytest.mark.realtime
-def test_commands_that_waited_in_a_real_process_move_nothing(
-    real_robot: Callable[..., RealRobot], client: Callable[..., Client]
-) -> None:
-    robot = real_robot()
     app = client("client", robot.endpoint)
     app.in_state("standing")
     robot.daemon.process.send_signal(signal.SIGSTOP)
@@ -280,4 +259,23 @@ def test_commands_that_waited_in_a_real_process_move_nothing(
         time.sleep(0.5)
     robot.daemon.process.send_signal(signal.SIGCONT)
     wait_for(lambda: app.latest("status")["command"].get("after_pause") == 3, "three are refused")
+    said = r"yahboomd did not run for ([\d.]+) s"
+    # As long as it was stopped; a busy machine may have kept it waiting besides.
+    wait_for(
+        lambda: any(float(each) >= 1.4 for each in re.findall(said, robot.daemon.output)),
+        "it says how long it did not run",
+    )
     assert max(robot.settled_truth().travel_m) < 0.001
+    app.drive(b'{"vx": 0.3}', 0.5)
+    robot.daemon.process.send_signal(signal.SIGSTOP)
+    app.drive(b'{"vx": 0.3}', 1.0)
+    robot.daemon.process.send_signal(signal.SIGCONT)
+    since = len(app.samples["status"])
+    app.drive_until(
+        b'{"vx": 0.3}',
+        lambda: any(each["state"] == "driving" for each in app.samples["status"][since + 1 :]),
+        "it drives on",
+    )
+    kinds = [event["kind"] for event in app.samples["events"]]
+    assert "paused" in kinds
+    assert not ALARMS & set(kinds)

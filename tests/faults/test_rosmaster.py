@@ -4,16 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import math
-import os
-import signal
-import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 from fault_bench import MS, ROSMASTER, FaultBench, is_stop
-from real_robot import Client, Process, RealRobot
 
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.rosmaster.rosmaster_flash import RosmasterStored
@@ -53,23 +48,14 @@ async def test_auto_finds_it_by_its_reports_and_nothing_but_stops_goes_before(
 
 
 @on_virtual_time
-async def test_connecting_and_driving_write_nothing_to_its_flash(tmp_path: Path) -> None:
-    async with robot(tmp_path, flash=RosmasterStored(car_type=4)) as bench:
-        await bench.ready()
-        await bench.drive(1.0, 0.3, 0.5)
-        assert bench.robot.board.flash == RosmasterStored(car_type=4)  # type: ignore[attr-defined]
-        assert b"\x5f" not in written(bench)
-
-
-@on_virtual_time
-async def test_reports_that_were_switched_off_are_switched_on_in_memory_alone(
+async def test_connecting_and_driving_write_nothing_to_its_flash_nor_switching_its_reports_on(
     tmp_path: Path,
 ) -> None:
-    stored = RosmasterStored(auto_report=0)
+    stored = RosmasterStored(car_type=4, auto_report=0)
     async with robot(tmp_path, flash=stored) as bench:
         await bench.ready()
-        await bench.drive(1.0, 0.3)
-        assert min(bench.rim_speeds) > 0.25
+        await bench.drive(1.0, 0.3, 0.5)
+        assert min(bench.rim_speeds) > 0.1
         assert bench.robot.board.flash == stored  # type: ignore[attr-defined]
 
 
@@ -84,6 +70,7 @@ async def test_a_car_type_that_is_not_known_gets_no_speed_and_is_named(tmp_path:
         assert "car type 9" in bench.controller.state()[1]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("car_type", "wheel_m"), [(1, 0.0325), (2, 0.04), (6, 0.0325), (10, 0.04)])
 @on_virtual_time
 async def test_mecanum_wheels_keep_the_direction_though_one_of_them_would_be_too_fast(
@@ -129,6 +116,7 @@ R2_OVERRIDES = (
 )
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("turn", [0.4, -0.9])
 @on_virtual_time
 async def test_a_car_that_steers_drives_its_curve_forward_and_back(
@@ -143,26 +131,18 @@ async def test_a_car_that_steers_drives_its_curve_forward_and_back(
             # The board takes whole degrees, and those of its own axles.
             assert truth.wz == pytest.approx(turn, abs=0.06)
             assert truth.vx == pytest.approx(vx, abs=0.02)
+            board: Any = bench.robot.board
+            assert board.steering_deg == round(math.degrees(math.atan(turn / vx * 0.23537)))
         pose = bench.heard.estimates[-1].pose
         # The rear wheels slip while the servo is on its way.
         assert math.hypot(pose.x - truth.x, pose.y - truth.y) < 0.06
         assert bench.controller.state()[0] == "driving"
 
 
-@on_virtual_time
-async def test_the_front_wheels_of_a_car_point_along_the_commanded_curve(tmp_path: Path) -> None:
-    async with robot(tmp_path, *R2_OVERRIDES, **R2) as bench:
-        await bench.ready()
-        await bench.drive(1.5, 0.3, 0.5)
-        board: Any = bench.robot.board
-        assert board.steering_deg == round(math.degrees(math.atan(0.5 / 0.3 * 0.23537)))
-        chassis = bench.robot.plant.chassis
-        assert chassis.turn_per_m == pytest.approx(0.5 / 0.3, rel=0.03)
-
-
 # Starting.
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("announced", [True, False])
 @on_virtual_time
 async def test_after_a_reset_it_stands_for_the_ten_seconds_of_its_start_and_drives_then(
@@ -187,6 +167,7 @@ async def test_after_a_reset_it_stands_for_the_ten_seconds_of_its_start_and_driv
         assert bench.events("odometry_discontinuity")
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("late_s", [0.0, 0.2, 0.4, 0.7, 1.0, 1.3, 1.7, 2.1])
 @on_virtual_time
 async def test_a_motion_that_it_kept_over_its_start_is_stopped_as_soon_as_it_reports(
@@ -237,6 +218,7 @@ async def test_a_board_that_is_switched_on_while_it_is_looked_for_is_not_said_to
 # The battery.
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("volts", [9.2, 13.6])
 @on_virtual_time
 async def test_a_battery_alarm_that_latched_is_named_with_the_voltage_once_and_not_connected_to(
@@ -266,6 +248,7 @@ async def test_a_battery_alarm_that_latched_is_named_with_the_voltage_once_and_n
         assert min(bench.rim_speeds) > 0.25
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("volts", "words"),
     [
@@ -306,63 +289,7 @@ async def test_the_voltage_comes_once_in_a_period_though_it_is_reported_all_the_
         assert bench.heard.volts == []
 
 
-# In real processes.
-
-
-@pytest.fixture
-def real(real_robot: Callable[..., RealRobot]) -> RealRobot:
-    return real_robot(simulate=["--dialect", "rosmaster", "--start-up", "0.5"])
-
-
-def turning(robot: RealRobot) -> bool:
-    samples = robot.truth()[-5:]
-    return len(samples) == 5 and all(min(each.speed_m_s) > 0.2 for each in samples)
-
-
-@pytest.mark.realtime
-def test_a_real_one_stops_by_a_direct_stop_after_sigkill_and_by_the_next_daemon(
-    real: RealRobot, client: Callable[..., Client]
-) -> None:
-    client("client", real.endpoint).drive_until(
-        b'{"vx": 0.4}', lambda: turning(real), "the wheels turn"
-    )
-    real.daemon.end(signal.SIGKILL)
-    # The board has no time-out: nothing else stops it.
-    time.sleep(1.0)
-    assert turning(real)
-    stop = Process("stop", "--direct", "--port", str(real.port))
-    assert stop.end_by_itself() == 0, stop.output
-    assert "rosmaster board" in stop.output
-    real.settled_truth()
-    real.start_daemon()
-    app = client("client", real.endpoint)
-    app.in_state("standing")
-    app.drive(b'{"vx": 0.3}', 0.5)
-    real.daemon.end(signal.SIGTERM)
-    assert real.daemon.process.returncode == 0
-    real.settled_truth()
-
-
-@pytest.mark.realtime
-def test_a_real_one_is_found_again_after_the_plug_was_out_and_keeps_its_pose(
-    real_robot: Callable[..., RealRobot], client: Callable[..., Client]
-) -> None:
-    far = "10000000,0,10000000,0"
-    real = real_robot(simulate=["--dialect", "rosmaster", "--ticks", far])
-    app = client("client", real.endpoint)
-    app.in_state("standing")
-    device = os.readlink(real.port)
-    held = os.open(device, os.O_RDWR | os.O_NOCTTY)
-    app.drive(b'{"vx": 0.3}', 0.4)
-    assert real.do("unplug 1").startswith("ok")
-    app.passes("waiting")
-    app.in_state("standing")
-    os.close(held)
-    truth = real.settled_truth()
-    pose = app.pose_at(truth)
-    assert math.hypot(pose["x"] - truth.x, pose["y"] - truth.y) < 0.008
-
-
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("fault", ["mute 0.35", "mute 0.5", "hold 0.5"])
 @on_virtual_time
 async def test_a_gap_that_is_shorter_than_its_start_is_no_reset(tmp_path: Path, fault: str) -> None:

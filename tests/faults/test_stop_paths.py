@@ -76,20 +76,28 @@ AT_ONCE = [
 ]
 
 
+GENTLE = (
+    "limits.linear={velocity=1.0,acceleration=2.5,deceleration=0.1}",
+    "command.on_timeout=ramp",
+)
+"""Only silence may ramp down."""
+
+
 @pytest.mark.cases(4)
 @pytest.mark.parametrize("dialect", EVERY_DIALECT)
 @pytest.mark.parametrize("end", AT_ONCE)
 @on_virtual_time
-async def test_the_stop_is_on_the_wire_within_50_ms_and_nothing_moves_after_it(
+async def test_the_stop_is_on_the_wire_within_50_ms_however_gentle_the_limits_and_nothing_follows(
     tmp_path: Path, dialect: str, end: End
 ) -> None:
-    for phase_ms in range(0, 100, 17):
+    for phase_ms in (0, 34, 85):
         folder = tmp_path / str(phase_ms)
         folder.mkdir()
-        async with robot(folder, dialect=dialect) as bench:
+        async with robot(folder, *GENTLE, dialect=dialect) as bench:
             await bench.ready()
             await bench.drive(1.0, 0.4)
-            bench.command(0.4)
+            # Another speed waits its turn.
+            bench.command(0.35)
             await asyncio.sleep(phase_ms / 1000)
             now_ns = bench.clock.now_ns()
             await end(bench)
@@ -101,52 +109,13 @@ async def test_the_stop_is_on_the_wire_within_50_ms_and_nothing_moves_after_it(
                 # Whose first failure comes with the next reading.
                 assert is_stop(orders[0][1])
             assert all(is_stop(order) for at_ns, order in orders if at_ns >= stop_ns)
+            # At 0.1 m/s^2 it would have taken four seconds.
             assert bench.standing
             for task in bench.tasks:
                 await asyncio.gather(task, return_exceptions=True) if task.done() else None
 
 
-@pytest.mark.cases(4)
-@pytest.mark.parametrize("dialect", EVERY_DIALECT)
-@pytest.mark.parametrize("end", AT_ONCE)
-@on_virtual_time
-async def test_no_stop_but_that_of_silence_is_softened_by_the_limits(
-    tmp_path: Path, dialect: str, end: End
-) -> None:
-    gentle = "limits.linear={velocity=1.0,acceleration=2.5,deceleration=0.1}"
-    async with robot(tmp_path, gentle, "command.on_timeout=ramp", dialect=dialect) as bench:
-        await bench.ready()
-        await bench.drive(1.0, 0.4)
-        now_ns = bench.clock.now_ns()
-        await end(bench)
-        await asyncio.sleep(0.5)
-        assert bench.standing
-        # At 0.1 m/s^2 it would have taken four seconds.
-        assert bench.stood_at(now_ns) - now_ns < 500 * MS
-
-
-@pytest.mark.parametrize("dialect", EVERY_DIALECT)
-@on_virtual_time
-async def test_a_speed_that_waits_its_turn_is_not_said_after_the_last_stop(
-    tmp_path: Path, dialect: str
-) -> None:
-    for phase_ms in range(20):
-        folder = tmp_path / str(phase_ms)
-        folder.mkdir()
-        async with robot(folder, dialect=dialect) as bench:
-            await bench.ready()
-            await bench.drive(0.5, 0.2)
-            await asyncio.sleep(phase_ms / 1000)
-            bench.command(0.4)
-            now_ns = bench.clock.now_ns()
-            bench.tasks[0].cancel()
-            await asyncio.sleep(0.8)
-            orders = bench.orders_since(now_ns + 1)
-            assert orders
-            assert all(is_stop(order) for _, order in orders)
-
-
-@pytest.mark.cases(4)
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("end", AT_ONCE)
 @pytest.mark.parametrize(("dialect", "last"), SUREST.items())
 @on_virtual_time
@@ -170,6 +139,7 @@ async def test_every_way_out_ends_with_the_motors_let_go_and_all_of_it_on_the_wi
         assert bench.standing
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("end", [estop, lost_bus])
 @pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
@@ -196,6 +166,7 @@ async def test_a_stop_is_said_again_until_the_wheels_stand_and_cut_after_600_ms(
         assert "still turns" in bench.events("stop_not_obeyed")[0]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
 async def test_a_wheel_that_rolls_on_after_its_cut_is_held_once_and_then_accused_and_cut_for_good(
@@ -215,6 +186,7 @@ async def test_a_wheel_that_rolls_on_after_its_cut_is_held_once_and_then_accused
         assert orders[-1] == SUREST[dialect]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", EVERY_DIALECT)
 @on_virtual_time
 async def test_wheels_of_a_crash_are_stopped_however_early_the_connecting_is_broken_off(
@@ -226,7 +198,7 @@ async def test_wheels_of_a_crash_are_stopped_however_early_the_connecting_is_bro
         "rosmaster": ROSMASTER.speeds((300, 0, 0)),
         "binary": BINARY.speeds((300, 0, 0)),
     }
-    for phase_ms in [1, 2, 5, 10, 20, 30, 50, 80, 100, 150, 200, 300]:
+    for phase_ms in [1, 10, 50, 150, 300]:
         folder = tmp_path / str(phase_ms)
         folder.mkdir()
         bench = robot(folder, dialect=dialect)
@@ -242,21 +214,7 @@ async def test_wheels_of_a_crash_are_stopped_however_early_the_connecting_is_bro
         assert bench.ports[0].closed
 
 
-@on_virtual_time
-async def test_half_a_frame_of_a_crash_does_not_swallow_the_stop(tmp_path: Path) -> None:
-    bench = robot(tmp_path)
-    bench.robot.start(bench.clock.now_ns())
-    bench.robot.host_wrote(b"$spd:300,0,300,0#", bench.clock.now_ns())
-    await asyncio.sleep(1.0)
-    bench.robot.host_wrote(b"$spd:500,0,5", bench.clock.now_ns())
-    await asyncio.sleep(0.1)
-    now_ns = bench.clock.now_ns()
-    async with bench:
-        await asyncio.sleep(0.5)
-        assert bench.standing
-        assert (bench.stood_at(now_ns) - now_ns) / MS < 400
-
-
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
 async def test_a_stop_under_way_is_not_broken_off_by_being_asked_again(
@@ -275,6 +233,7 @@ async def test_a_stop_under_way_is_not_broken_off_by_being_asked_again(
         assert bench.standing
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
 async def test_a_stop_at_the_end_that_was_not_seen_obeyed_is_reported(
@@ -289,6 +248,7 @@ async def test_a_stop_at_the_end_that_was_not_seen_obeyed_is_reported(
         assert "no counts showed whether they stand" in bench.events("stop_not_seen")[0]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", EVERY_DIALECT)
 @pytest.mark.parametrize("end", [asked_to_end, session_task_cancelled, port_watch_cancelled])
 @on_virtual_time

@@ -13,25 +13,19 @@ from yahboomd.cli.main import main
 
 pytestmark = pytest.mark.realtime
 
-Pair = tuple[list[RealRobot], str]
 
-
-@pytest.fixture(params=["behind a router", "one behind the other"])
 def pair(
-    request: pytest.FixtureRequest,
-    real_robot: Callable[..., RealRobot],
-    zenoh_router: ZenohRouter,
-) -> Pair:
-    """Both robots, and the endpoint for clients."""
-    if request.param == "behind a router":
-        zenoh_router.start()
-        joined = ["--set", f'zenoh.connect=["{zenoh_router.endpoint}"]']
-        robots = [real_robot(run=joined), real_robot(run=joined)]
-        endpoint = zenoh_router.endpoint
+    real_robot: Callable[..., RealRobot], router: ZenohRouter, behind_it: bool
+) -> tuple[list[RealRobot], str]:
+    """Both robots, behind a router or one behind the other, and the endpoint for clients."""
+    endpoint, robots = router.endpoint, []
+    if behind_it:
+        router.start()
     else:
-        first = real_robot()
-        endpoint = first.endpoint
-        robots = [first, real_robot(run=["--set", f'zenoh.connect=["{endpoint}"]'])]
+        robots = [real_robot()]
+        endpoint = robots[0].endpoint
+    while len(robots) < 2:
+        robots.append(real_robot(run=["--set", f'zenoh.connect=["{endpoint}"]']))
     for robot in robots:
         robot.daemon.says("Connected")
         robot.daemon.says("Another yahboomd")
@@ -49,16 +43,22 @@ def drive(robots: list[RealRobot], client: Client) -> None:
     wait_for(turning, "all wheels turn")
 
 
-def stopped(robot: RealRobot) -> None:
-    robot.daemon.says("Emergency stop engaged")
-    wait_for(robot.stands, "the wheels stand")
-
-
-@pytest.mark.parametrize("way", ["query", "sample", "yahboomd stop"])
+@pytest.mark.parametrize(
+    ("behind_a_router", "way"),
+    [
+        (True, "query"),
+        pytest.param(False, "sample", marks=pytest.mark.nightly),
+        pytest.param(False, "yahboomd stop", marks=pytest.mark.nightly),
+    ],
+)
 def test_an_estop_stops_both_of_two_daemons_in_one_namespace(
-    pair: Pair, client: Callable[..., Client], way: str
+    real_robot: Callable[..., RealRobot],
+    zenoh_router: ZenohRouter,
+    client: Callable[..., Client],
+    behind_a_router: bool,
+    way: str,
 ) -> None:
-    robots, endpoint = pair
+    robots, endpoint = pair(real_robot, zenoh_router, behind_a_router)
     app = client("client", endpoint)
     drive(robots, app)
     if way == "query":
@@ -69,9 +69,11 @@ def test_an_estop_stops_both_of_two_daemons_in_one_namespace(
     else:
         main(["stop", "--connect", endpoint])
     for robot in robots:
-        stopped(robot)
+        robot.daemon.says("Emergency stop engaged")
+        wait_for(robot.stands, "the wheels stand")
 
 
+@pytest.mark.nightly
 def test_a_query_with_wildcards_stops_the_robots_of_all_namespaces_and_one_for_everything_none(
     real_robot: Callable[..., RealRobot], zenoh_router: ZenohRouter, client: Callable[..., Client]
 ) -> None:

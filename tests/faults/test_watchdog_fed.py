@@ -15,6 +15,7 @@ from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("dialect", "rate_hz"), [("streamed", 100), ("polled", 50)])
 @on_virtual_time
 async def test_commands_however_often_they_come_leave_the_watchdog_fed(

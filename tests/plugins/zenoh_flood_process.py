@@ -1,7 +1,7 @@
 """A Zenoh client in a process of its own that sends as much as it is asked to, until it is killed.
 
 Its only argument is JSON: ``endpoint``, ``settings`` (of Zenoh), ``key``, ``how`` (``put`` or
-``get``), ``payload``, ``hz``, and ``attachment`` and ``parameters``, in bytes.
+``get``), ``payload`` (``times`` times), ``hz``, and ``attachment`` and ``parameters``, in bytes.
 """
 
 import json
@@ -30,7 +30,7 @@ def main() -> None:
         config.insert_json5(name, json.dumps(value))
     attachment = bytes(what["attachment"]) if "attachment" in what else None
     carried = {
-        "payload": what.get("payload", "").encode(),
+        "payload": what.get("payload", "").encode() * what.get("times", 1),
         "attachment": attachment,
         "congestion_control": zenoh.CongestionControl.BLOCK,
     }

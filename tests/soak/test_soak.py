@@ -47,6 +47,7 @@ def figures(folder: Path) -> dict[str, Any]:
 KINDS = "command silence,SIGKILL,short unplug,e-stop,brown-out,lost answers,byte loss"
 
 
+@pytest.mark.nightly
 def test_through_faults_it_stops_comes_back_and_knows_where_it_is(tmp_path: Path) -> None:
     process = soak(tmp_path, "--minutes", "0.35", "--kinds", KINDS)
     output, _ = process.communicate()
@@ -71,6 +72,7 @@ def test_black_boxes_are_counted_and_damaged_ones_named(tmp_path: Path) -> None:
     assert black_boxes(tmp_path / "nowhere") == (0, [])
 
 
+@pytest.mark.nightly
 def test_ended_early_it_tells_what_it_knows_and_leaves_nothing_running(tmp_path: Path) -> None:
     process = soak(tmp_path, "--minutes", "5", "--kinds", "jitter")
     assert process.stdout is not None

@@ -82,6 +82,7 @@ def body(speeds: Mapping[str, float]) -> Twist2d:
     )
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     "wish", [Twist2d(vx=0.2), Twist2d(vy=-0.2), Twist2d(wz=1.0), Twist2d(vx=0.15, vy=0.1, wz=-0.5)]
 )

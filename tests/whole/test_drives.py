@@ -80,37 +80,7 @@ def assert_at_truth(bench: FaultBench) -> TruthSample:
     return truth
 
 
-@pytest.mark.parametrize("dialect", ["streamed", "polled"])
-@pytest.mark.parametrize(
-    ("preset", "wish"),
-    [
-        ("2wd", Twist2d(vx=0.3, wz=-0.8)),
-        ("4wd", Twist2d(vx=0.3)),
-        ("4wd", Twist2d(wz=1.5)),
-        ("4wd", Twist2d(vx=-0.25, wz=-0.7)),
-        ("mecanum", Twist2d(vx=0.3)),
-        ("mecanum", Twist2d(vy=0.3)),
-        ("mecanum", Twist2d(wz=1.2)),
-        ("mecanum", Twist2d(vx=-0.25, vy=-0.2, wz=0.5)),
-    ],
-)
-@on_virtual_time
-async def test_each_base_moves_as_commanded_and_knows_where_it_is(
-    tmp_path: Path, preset: str, wish: Twist2d, dialect: str
-) -> None:
-    async with robot(tmp_path, preset, dialect) as bench:
-        await bench.ready()
-        await say(bench, wish, 2.5)
-        for seen in (steady_truth(bench, 1.0), steady_estimate(bench, 1.0)):
-            assert seen.vx == pytest.approx(wish.vx, abs=0.01)
-            assert seen.vy == pytest.approx(wish.vy, abs=0.01)
-            assert seen.wz == pytest.approx(wish.wz, abs=0.05)
-        await asyncio.sleep(1.5)
-        assert bench.standing
-        assert_at_truth(bench)
-        assert bench.heard.kinds == ["connected"]
-
-
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("preset", ["2wd", "4wd", "mecanum"])
 @on_virtual_time
 async def test_a_wish_beyond_the_wheels_is_slower_on_the_same_curve(
@@ -151,6 +121,7 @@ async def test_a_motor_in_another_place_the_other_way_round_is_a_matter_of_confi
         assert_at_truth(bench)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", ["streamed", "polled"])
 @on_virtual_time
 async def test_the_command_scale_is_a_multiplier_of_the_speed_and_not_of_the_counts(
@@ -165,6 +136,7 @@ async def test_the_command_scale_is_a_multiplier_of_the_speed_and_not_of_the_cou
         assert_at_truth(bench)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", ["streamed", "polled", "rosmaster"])
 @on_virtual_time
 async def test_slip_of_the_rollers_is_made_up_for_in_commands_and_in_odometry(

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 from binary_board import Stored
 from binary_dialect import BINARY, registered
-from board_bench import Bench, LinkBench
+from board_bench import LinkBench
 from fault_bench import FaultBench, is_stop
 
 from yahboomd.core.link.stopping import stop_unidentified
@@ -69,6 +69,7 @@ async def test_a_binary_board_is_found_beside_the_others_without_a_question(
         )
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("track_mm", [100, 150, 300])
 @on_virtual_time
 async def test_it_drives_a_curve_by_the_velocity_of_its_body_whatever_track_it_stores(
@@ -85,20 +86,6 @@ async def test_it_drives_a_curve_by_the_velocity_of_its_body_whatever_track_it_s
         # It reports every 40 ms: the truth may be as far ahead.
         assert pose.x == pytest.approx(truth.x, abs=0.02)
         assert pose.y == pytest.approx(truth.y, abs=0.02)
-
-
-@on_virtual_time
-async def test_it_brakes_is_let_go_and_tells_its_voltage(tmp_path: Path) -> None:
-    async with robot(tmp_path, battery_volts=11.4) as bench:
-        await bench.ready()
-        await bench.drive(1.0, 0.4)
-        now_ns = bench.clock.now_ns()
-        bench.operator.engage_estop("a test")
-        await asyncio.sleep(1.0)
-        assert all(is_stop(order) for _, order in bench.orders_since(now_ns))
-        assert bench.stood_at(now_ns) - now_ns < 500 * MS
-        assert bench.heard.volts[-1] == pytest.approx(11.4, abs=0.1)
-    assert bench.frames[-1] == BINARY.cut
 
 
 @on_virtual_time
@@ -154,6 +141,7 @@ def speeds(board: SimulatedRobot) -> list[float]:
     return [abs(motor.speed_m_s) for motor in board.plant.motors]
 
 
+@pytest.mark.cases(6)
 @pytest.mark.parametrize(
     ("asking", "there"), [pair for pair in itertools.product(ALL, ALL) if pair[0] != pair[1]]
 )
@@ -197,6 +185,7 @@ def test_the_stops_of_all_families_stop_each_board_that_is_driving(there: str) -
     assert max(speeds(board)) < 0.03
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("car_type", range(7))
 def test_the_first_stops_stop_a_rosmaster_board_whatever_car_type_it_stores(car_type: int) -> None:
     own, flash = DIALECTS["rosmaster"], RosmasterStored(car_type=car_type)
@@ -210,6 +199,7 @@ def test_the_first_stops_stop_a_rosmaster_board_whatever_car_type_it_stores(car_
     assert max(speeds(board)) < 0.03
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("there", ALL)
 def test_half_a_command_in_the_boards_ear_does_not_swallow_the_stop_behind_its_resync(
     there: str,
@@ -269,29 +259,6 @@ async def test_a_board_that_may_report_by_itself_is_listened_for_before_any_is_a
     assert asked_ns - stopped_ns >= BINARY.listen_ns
 
 
-@on_virtual_time
-async def test_samples_of_its_inertial_sensor_arrive_with_the_time_at_which_they_left() -> None:
-    simulation = SimulationOptions(dialect="binary", flash=Stored(imu=ImuOptions()))
-    async with Bench(simulation) as bench:
-        await bench.connected()
-        heard = bench.recorder.imu_readings
-        await bench.until(lambda: len(heard) >= 10)
-        for before, after in itertools.pairwise(heard):
-            assert after.sent_ns - before.sent_ns == pytest.approx(40 * MS, abs=2)
-        assert 0 <= bench.now_ns() - heard[-1].sent_ns < 3 * MS
-        assert heard[-1].gyro_rad_s == (0.0, 0.0, 0.0)
-        assert heard[-1].acceleration_m_s2 == (0.0, 0.0, 9.807)
-        assert heard[-1].sensor.name == "binary"
-        assert bench.session.status_values()["imu_readings"] == len(heard)
-
-
-@on_virtual_time
-async def test_status_names_the_inertial_sensor_of_a_board_that_has_one(tmp_path: Path) -> None:
-    async with robot(tmp_path, flash=Stored(imu=ImuOptions())) as bench:
-        await bench.ready()
-        await bench.until(lambda: bench.controller.imu_sensor == "binary")
-
-
 SLIPPERY = (
     "chassis.preset=4wd",
     "chassis.wheel_separation_multiplier=1.25",
@@ -324,41 +291,6 @@ async def test_with_a_gyro_the_heading_of_a_base_that_slips_is_right(tmp_path: P
 
 
 @on_virtual_time
-async def test_unless_it_is_asked_for_the_heading_is_the_wheels(tmp_path: Path) -> None:
-    poses = []
-    for imu in (None, MPU9250):
-        async with robot(tmp_path, flash=Stored(imu=imu)) as bench:
-            await bench.ready()
-            await bench.drive(3.0, 0.2, 1.0)
-            await asyncio.sleep(1.0)
-            estimate = bench.heard.estimates[-1]
-            ticks = estimate.motor_ticks
-            turn = (ticks[1] - ticks[0]) * 0.067 * 3.141592653589793 / 1320.0 / 0.15
-            poses.append((estimate.pose.theta, turn))
-    for theta, turn in poses:
-        assert theta == pytest.approx(turn, abs=2e-3)
-
-
-@on_virtual_time
-async def test_the_heading_by_wheels_and_gyro_goes_out_even_where_the_pose_is_the_wheels(
-    tmp_path: Path,
-) -> None:
-    given = SLIPPERY[:2]
-    async with robot(tmp_path, *given, drive="skid_steer", flash=Stored(imu=MPU9250)) as bench:
-        await bench.ready()
-        await asyncio.sleep(8.0)
-        await bench.drive(5.0, 0.1, 1.0)
-        await asyncio.sleep(1.0)
-        truth = bench.robot.truth(bench.clock.now_ns()).pose
-        sample, estimate = bench.heard.imu_estimates[-1], bench.heard.estimates[-1]
-        # Until the turn shows the sign of the gyro, the heading is the wheels'.
-        assert sample.theta == pytest.approx(truth.theta, rel=0.06)
-        assert "gyro_unfit" not in bench.heard.kinds
-        assert estimate.pose.theta == pytest.approx(truth.theta / 1.25, rel=0.03)
-        assert abs(sample.theta - truth.theta) < 3.0 * math.sqrt(sample.theta_variance)
-
-
-@on_virtual_time
 async def test_axes_turn_the_sensor_as_it_is_mounted(tmp_path: Path) -> None:
     mounted = ImuOptions(axes="y x -z")
     given = ("imu.axes=y x -z", "imu.frame_id=head")
@@ -370,6 +302,7 @@ async def test_axes_turn_the_sensor_as_it_is_mounted(tmp_path: Path) -> None:
         assert reading.acceleration_m_s2[2] == pytest.approx(9.8, abs=0.01)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("sensor", ["mpu9250", "icm20948"])
 @on_virtual_time
 async def test_a_rosmaster_board_gives_the_heading_its_gyro(tmp_path: Path, sensor: str) -> None:

@@ -107,22 +107,10 @@ async def served(one_robot: RealRobot) -> AsyncIterator[Callable[..., Awaitable[
         assert "Traceback" not in each.web.output
 
 
-async def test_a_page_drives_lets_go_and_others_may_drive_after_its_zeros(served: Any) -> None:
-    site = await served()
-    page = await site.driving()
-    await page.one("control", driver="the page")
-    for _ in range(25):
-        await page.drive(0.0)
-        await asyncio.sleep(0.05)
-    await eventually(site.stands)
-    # A zero holds control: it is free once the zeros end.
-    await eventually(lambda: page.of("control")[-1]["driver"] is None)
-
-
 async def test_a_page_that_is_closed_or_falls_silent_in_motion_leaves_standing_wheels(
     served: Any,
 ) -> None:
-    """A closed tab, a lost network, a laptop that sleeps."""
+    """A closed tab, a lost network, a laptop that sleeps; a server that ends."""
     site = await served()
     closed = await site.driving()
     closed.socket.transport.abort()
@@ -131,14 +119,13 @@ async def test_a_page_that_is_closed_or_falls_silent_in_motion_leaves_standing_w
     await eventually(site.stands)
     assert (await silent.one("refused", why="lapse"))["text"]
     await site.stays(silent)
+    await ends_in_motion(site, silent, signal.SIGTERM)
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
-async def test_the_end_of_the_server_in_motion_leaves_standing_wheels_and_a_daemon_that_works(
-    served: Any, number: int
-) -> None:
-    site = await served()
-    page = await site.driving()
+async def ends_in_motion(site: Served, page: Page, number: int) -> None:
+    """The server is killed, or ends, while its page drives."""
+    await page.drive(0.0)
+    await page.press(site.moves, vx=0.3)
 
     async def hold() -> None:
         with suppress(Exception):
@@ -149,11 +136,11 @@ async def test_the_end_of_the_server_in_motion_leaves_standing_wheels_and_a_daem
     await asyncio.to_thread(site.web.process.wait)
     await eventually(site.stands)
     await holding
-    again = await served()
-    await again.driving()
 
 
-async def test_frames_that_queued_while_the_server_was_frozen_move_nothing(served: Any) -> None:
+async def test_frames_that_queued_while_the_server_was_frozen_move_nothing_nor_does_its_end(
+    served: Any,
+) -> None:
     site = await served()
     page = await site.driving()
     site.web.process.send_signal(signal.SIGSTOP)
@@ -167,10 +154,10 @@ async def test_frames_that_queued_while_the_server_was_frozen_move_nothing(serve
     refused = await page.one("refused")
     assert refused["why"] in {"late", "lapse", "let_go"}
     await site.stays(page)
-    await page.drive(0.0)
-    await page.press(site.moves, vx=0.3)
+    await ends_in_motion(site, page, signal.SIGKILL)
 
 
+@pytest.mark.nightly
 async def test_frames_that_piled_up_in_the_network_move_nothing(served: Any) -> None:
     """Beats went on to arrive, so that the last frames of the pile are fresh; and still."""
     site = await served()
@@ -190,24 +177,6 @@ async def test_frames_that_piled_up_in_the_network_move_nothing(served: Any) -> 
         await page.drive(0.0)
     finally:
         relay.close()
-
-
-async def test_over_a_network_with_half_a_second_of_delay_nothing_moves_and_the_page_says_why(
-    served: Any,
-) -> None:
-    site = await served()
-    async with slow_network(site.port, 0.5) as port:
-        page = await site.driver(port)
-        await page.hold(lambda: any(each["why"] == "late" for each in page.of("refused")))
-        refused = await page.one("refused", why="late")
-        assert refused["age_ms"] >= 500
-        assert "too slow" in refused["text"]
-        await page.send(type="estop", id=1)
-        assert (await page.one("answer", id=1))["ok"]
-        await eventually(lambda: page.of("status")[-1]["sample"]["state"] == "estopped")
-        while not await released(page):
-            await asyncio.sleep(0.1)
-        await site.stays(page, beats=5)
 
 
 async def released(page: Page) -> bool:
@@ -235,40 +204,3 @@ async def test_a_thumb_that_is_down_while_the_emergency_stop_is_released_moves_n
     await eventually(lambda: page.of("status")[-1]["sample"]["state"] == "standing")
     await page.drive(0.3)
     await site.stays(page)
-
-
-class slow_network:  # noqa: N801 - used as a statement
-    """A relay on loopback that delivers everything with this delay, each way."""
-
-    def __init__(self, port: int, delay_s: float) -> None:
-        self._port = port
-        self._delay_s = delay_s
-        self._tasks: list[asyncio.Task[None]] = []
-        self._writers: list[asyncio.StreamWriter] = []
-
-    async def __aenter__(self) -> int:
-        self._server = await asyncio.start_server(self._carry, "127.0.0.1", 0)
-        port: int = self._server.sockets[0].getsockname()[1]
-        return port
-
-    async def __aexit__(self, *_: object) -> None:
-        self._server.close()
-        for task in self._tasks:
-            task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
-        for writer in self._writers:
-            writer.close()
-            with suppress(OSError):
-                await writer.wait_closed()
-
-    async def _carry(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        inner = await asyncio.open_connection("127.0.0.1", self._port)
-        self._writers += [writer, inner[1]]
-        for source, sink in ((reader, inner[1]), (inner[0], writer)):
-            self._tasks.append(asyncio.create_task(self._later(source, sink)))
-
-    async def _later(self, source: asyncio.StreamReader, sink: asyncio.StreamWriter) -> None:
-        loop = asyncio.get_running_loop()
-        while data := await source.read(1 << 16):
-            loop.call_later(self._delay_s, sink.write, data)
-        loop.call_later(self._delay_s, sink.close)

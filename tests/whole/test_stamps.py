@@ -80,6 +80,7 @@ async def late_ms(bench: Published) -> list[float]:
     )
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("line", [each for each in LINES if each != "usb"])
 @on_virtual_time
 async def test_a_streamed_pose_belongs_to_its_stamp_whatever_the_line_adds(
@@ -91,7 +92,7 @@ async def test_a_streamed_pose_belongs_to_its_stamp_whatever_the_line_adds(
         assert max(abs(late[0]), abs(late[-1])) < 1.0
 
 
-@pytest.mark.cases(4)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("seed", range(6))
 @on_virtual_time
 async def test_a_streamed_pose_behind_a_line_with_jitter_belongs_to_its_stamp_within_about_1_ms(
@@ -105,6 +106,7 @@ async def test_a_streamed_pose_behind_a_line_with_jitter_belongs_to_its_stamp_wi
         assert max(abs(late[0]), abs(late[-1])) < 2.0
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("line", list(LINES))
 @on_virtual_time
 async def test_a_polled_pose_is_no_older_than_the_counters_of_its_answer(
@@ -119,6 +121,7 @@ async def test_a_polled_pose_is_no_older_than_the_counters_of_its_answer(
         assert late[-1] < 10.0 + 1.0 + way_ms
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", ["streamed", "polled"])
 @pytest.mark.parametrize("wanted_hz", [None, 20.0])
 @on_virtual_time
