@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from yahboomd.core.protocol.profiles import PROFILES
+from yahboomd.core.protocol.profiles import PROFILES, alike, of_its_board
 from yahboomd.core.protocol.registry import DIALECTS, check_storable
 
 
@@ -59,6 +59,17 @@ def test_every_profile_can_be_stored_and_has_no_problem_on_the_board_that_it_bel
         fields = {row.field for row in dialect.settings}
         fits = set(profile.stored) <= fields or not fields
         assert (dialect.findings(profile.settings, profile).unfit == ()) == fits
+
+
+@pytest.mark.parametrize("own", PROFILES)
+def test_another_stored_type_is_never_harmless(own):
+    profile = PROFILES[own]
+    for other in of_its_board(profile):
+        for dialect in DIALECTS.values():
+            if dialect.settings and set(profile.stored) <= {row.field for row in dialect.settings}:
+                stored = {**profile.settings, **other.stored, "version": "3.6"}
+                unfit = dialect.findings(stored, profile).unfit
+                assert bool(unfit) == (other not in alike(profile)), (own, other.name)
 
 
 @pytest.mark.parametrize("name", ["x3", "r2"])

@@ -105,6 +105,14 @@ def test_settings_that_a_streamed_board_does_not_tell_are_a_problem() -> None:
     assert "without them no wheel may turn" in found.problems[0]
 
 
+def test_a_board_that_answers_without_counters_is_a_problem_with_the_reason() -> None:
+    found = reported(board(ticks=None, standing=None, silence="Its alarm is on."))
+    assert found.problems == ("The board answers, and sends no counters. Its alarm is on.",)
+    assert not any("No counters came" in words for words in found.advice)
+    (words,) = reported(board(ticks=None, standing=None)).advice
+    assert "No counters came" in words
+
+
 def test_a_polled_board_stores_nothing_and_that_is_no_problem() -> None:
     found = reported(board(dialect=DIALECTS["polled"], settings=None, volts=None))
     assert found.problems == ()

@@ -46,6 +46,7 @@ async def test_a_board_is_offered_the_motors_that_it_can_have_and_shows_its_own(
     assert (board, profile) == ({"profile": "x3-plus"}, PROFILES["x3-plus"])
     shown = capsys.readouterr().err
     assert "310" not in shown
+    assert "wheels of 68.5 mm (R2 and R2L)" in shown
     assert "x3-plus" in next(line for line in shown.splitlines() if "as the board is" in line)
 
 

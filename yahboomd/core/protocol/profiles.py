@@ -87,6 +87,9 @@ PROFILES: Final[dict[str, MotorProfile]] = {
 """The vendor's motors by name. The TT motor without encoder is missing: it gives no odometry."""
 
 
+NOTES: Final = {"r2": "R2 and R2L", "m1": "firmware 3.6 or later"}
+"""What a person who chooses a profile should know."""
+
 TYPES: Final = ("motor_type", "car_type")
 """The stored values that say which motors, or which car, the board believes it drives. They change
 the signs of its encoders, the law of its wheels and the limits of its battery."""

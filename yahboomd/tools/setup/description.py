@@ -12,7 +12,7 @@ from yahboomd.core.config import Config
 from yahboomd.core.config.hardware import CUSTOM
 from yahboomd.core.drive.kinematics import KINEMATICS, unit_geometry
 from yahboomd.core.protocol.dialect import Dialect
-from yahboomd.core.protocol.profiles import PROFILES, MotorProfile
+from yahboomd.core.protocol.profiles import NOTES, PROFILES, MotorProfile
 from yahboomd.core.protocol.settings import BoardSettings
 from yahboomd.tools.terminal.asking import read_number
 from yahboomd.tools.terminal.terminal_questions import Respondent, say, say_heading
@@ -151,6 +151,7 @@ def _motor_words(profile: MotorProfile, stored: BoardSettings | None) -> str:
         f"gear 1:{profile.ratio:g}, {profile.lines} lines, "
         f"wheels of {profile.wheel_diameter_mm:g} mm"
     )
+    words += f" ({NOTES[profile.name]})" if profile.name in NOTES else ""
     wanted = {field: profile.settings[field] for field in profile.settings if field != "deadzone"}
     pairs = [(value, (stored or {}).get(field)) for field, value in wanted.items()]
     known = [
