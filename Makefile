@@ -154,14 +154,6 @@ power-cuts: $(VENV)/.dev ## power is cut 1,000 times at any write of each file t
 every-board: $(VENV)/.dev ## every fault on the binary board of the tests too (five minutes)
 	YAHBOOMD_EVERY_BOARD=1 $(PYTEST) $(PARALLEL) -q -m "not realtime" -k binary tests/faults tests/whole tests/link $(ARGS)
 
-.PHONY: fleet-stop
-fleet-stop: $(VENV)/.dev ## `stop --all` of 50 robots over a tree of routers with 50 ms of delay, with faults (a minute; ARGS='--robots 50 --real 3 --delay-ms 50')
-	@$(PY) -m benchmarks.stop_fifty $(ARGS)
-
-.PHONY: fleet-scale
-fleet-scale: $(VENV)/.dev ## 20 daemons, a thousand thin robots, rules for 2,000, long ways with loss: the tables of docs/fleet.md (root; half an hour; ARGS='thin --short')
-	@unshare --net sh -c 'ip link set lo up && exec $(PY) -m benchmarks.fleet_scale $(ARGS)'
-
 .PHONY: fleet-rollout
 fleet-rollout: $(VENV)/.dev ## packaging/ansible on three robots with real systemd, in containers over ssh: good and bad files and versions (root; ten minutes)
 	@$(PY) make/fleet_rollout.py $(ARGS)
@@ -171,41 +163,15 @@ wirings: $(VENV)/.dev ## `setup` on all 384 ways to connect four motors, each wi
 	YAHBOOMD_EVERY_WIRING=1 $(PYTEST) $(PARALLEL) -q tests/tools/setup/test_setup_wizard.py -k four_wheels
 
 ##@ Measure
-.PHONY: bench bench-short ratios black-box footprint page-figures calibration tuning tuning-kills estop-kills picture pictures
-$(VENV)/.bench: $(VENV)/.dev
-	@$(PYTHON) make/bootstrap.py $(VENV) uvloop || echo "bench: there is no uvloop here; its rows are left out"
-	@touch $@
-
-bench: $(VENV)/.bench ## measure exactness, latency, throughput, cost and fleet; write docs/benchmarks.md and docs/benchmarks/ (30 minutes; ARGS=--resume continues)
+.PHONY: bench moves footprint tuning tuning-kills estop-kills picture pictures
+bench: $(VENV)/.dev ## measure exactness, latency and cost, also beside the article's bridge; write docs/benchmarks.md and docs/benchmarks/ (15 minutes; ARGS=--resume continues)
 	$(PY) -m benchmarks $(ARGS)
 
-bench-short: $(VENV)/.dev ## the same in a short form, only to see that it works
-	$(PY) -m benchmarks --short --out build/bench-short --store build/bench-short/store $(ARGS)
-
-.PHONY: moves move-losses
 moves: $(VENV)/.dev ## 400 random moves on simulated robots beside a plain loop: the table of docs/moves.md (three minutes; ARGS='--moves 64')
 	@PYTHONPATH=tests/plugins $(PY) -m benchmarks.move_table $(ARGS)
 
-move-losses: $(VENV)/.dev ## lose the client of a move in mid-drive, in every way, with real processes (3 minutes; ARGS='--times 2')
-	@PYTHONPATH=tests/plugins $(PY) -m benchmarks.move_losses $(ARGS)
-
-heading: $(VENV)/.dev ## the heading by wheels and gyro on simulated bases, the tables of docs/odometry.md (30 minutes; ARGS='--runs 0 --case slope')
-	@$(PY) -m benchmarks.fused_heading $(ARGS)
-
-ratios: $(VENV)/.dev ## CPU, latency and memory beside the least that a program can do, in one run (five minutes)
-	@$(PY) -m benchmarks.ratios $(ARGS)
-
-black-box: $(VENV)/.dev ## CPU, memory and latency with and without the black box, in one run (three minutes)
-	@$(PY) -m benchmarks.black_box_cost $(ARGS)
-
 footprint: $(VENV)/.run ## memory, threads, CPU, start-up time and sizes of the daemon
 	@$(PY) -m benchmarks.footprint $(ARGS)
-
-page-figures: $(VENV)/.dev ## CPU and memory of the page's server with 1, 5 and 30 pages, and the bytes of its first load
-	@$(PY) -m benchmarks.page_server $(ARGS)
-
-calibration: $(VENV)/.dev ## how well `calibrate` finds 400 random robots that are off (three minutes)
-	@$(PY) -m benchmarks.random_robots $(ARGS)
 
 tuning: $(VENV)/.dev ## `tune` on every motor profile from every bad start, the table of docs/tuning.md (five minutes)
 	$(PYTEST) $(PARALLEL) -rP tests/tools/tune/all_profiles.py $(ARGS)

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from benchmarks import results
 
-POINTS = ("exactness", "baseline", "ros", "latency", "throughput", "cost", "fleet")
+POINTS = ("exactness", "baseline", "latency", "cost")
 
 RESUME_S = 3600.0
 """``--resume`` skips benchmarks that were measured within this time."""
@@ -56,8 +56,6 @@ def main() -> None:
             continue
         try:
             measure(name, short=args.short, out=args.out, store=args.store)
-        except results.NotHere as reason:
-            print(f"{name} is left out, and its page stays as it is: {reason}.", flush=True)
         except Exception:  # noqa: BLE001 - printed, and the exit code is 1
             traceback.print_exc()
             failed.append(name)

@@ -23,7 +23,6 @@ from pathlib import Path
 
 from benchmarks import rig
 from benchmarks.drivers import ARTICLE, DRIVERS, YAHBOOMD, frames, trial
-from benchmarks.features import FEATURES
 from benchmarks.latency import UNLIMITED
 from benchmarks.results import Section, method, milliseconds, number, quantile
 
@@ -309,12 +308,6 @@ def bench(*, short: bool, images: Path) -> Section:  # noqa: ARG001 - draws no p
         for each in found
         for row in each.figures
     }
-    section.table(
-        "Features. The rebuilt bridge has no ROS messages, so what they may carry beside the pose "
-        "is marked with -.",
-        ["what", "the article's bridge", "yahboomd"],
-        FEATURES,
-    )
     section.table(
         "All figures of the same trials. The last column says how many times better yahboomd is, "
         "where a ratio means something (more polls are better; of everything else, less).",

@@ -1,7 +1,4 @@
-"""One interface to the article's bridge and to yahboomd, each on its own simulated polled board.
-
-:data:`STARTS` starts each by its name; ``ros_ways`` adds those of ROS 2.
-"""
+"""One interface to the article's bridge and to yahboomd, each on its own simulated polled board."""
 
 from __future__ import annotations
 

@@ -1,12 +1,9 @@
-"""Processes that do one thing at a port, and nothing else: the floors of the measurements.
+"""Processes that do the least at a port: the floors of the measurements.
 
 python -m benchmarks.floors zenoh tcp/127.0.0.1:PORT PTY
 python -m benchmarks.floors loop tcp/127.0.0.1:PORT PTY
 python -m benchmarks.floors socket tcp/127.0.0.1:PORT PTY
-python -m benchmarks.floors timer 50 PTY
-python -m benchmarks.floors poll 5 PTY
 python -m benchmarks.floors streamed tcp/127.0.0.1:PORT PTY
-python -m benchmarks.floors polled - PTY
 python -m benchmarks.floors streamed-drives tcp/127.0.0.1:PORT PTY
 """
 
@@ -15,7 +12,6 @@ from __future__ import annotations
 import asyncio
 import json
 import os
-import select
 import signal
 import socket
 import sys
@@ -81,33 +77,6 @@ def socket_floor(endpoint: str, fd: int) -> None:
             os.write(fd, data)
 
 
-def timer_floor(rate_hz: str, fd: int) -> None:
-    """Sleep until the time, write a request, repeat: the limit of the machine."""
-    period_ns = round(1e9 / float(rate_hz))
-    due_ns = time.monotonic_ns() + period_ns
-    print("ready", flush=True)
-    while True:
-        time.sleep(max(0.0, (due_ns - time.monotonic_ns()) * 1e-9))
-        os.write(fd, b"$read#")
-        due_ns += period_ns
-
-
-def poll_floor(seconds: str, fd: int) -> None:
-    """Poll, wait for the answer, poll again: the limit of board and machine."""
-    os.write(fd, b"$mtype:1#")
-    polls = 0
-    start_ns = time.monotonic_ns()
-    end_ns = start_ns + round(float(seconds) * 1e9)
-    while (now_ns := time.monotonic_ns()) < end_ns:
-        os.write(fd, b"$read#")
-        answer = b""
-        while b"#" not in answer:
-            if select.select([fd], [], [], 1.0)[0]:
-                answer += os.read(fd, 4096)
-        polls += 1
-    print("polls", polls / (now_ns - start_ns) * 1e9, flush=True)
-
-
 class Counted(msgspec.Struct):
     """The sample of a bare reader: as many numbers as a pose has."""
 
@@ -122,14 +91,8 @@ class Counted(msgspec.Struct):
 def reader_floor(dialect: str, endpoint: str, fd: int) -> None:
     """Do the least that an asyncio program does with counts: read, cut, decode; at 50 Hz, put.
 
-    Args:
-        dialect: ``polled`` asks 50 times a second; ``streamed`` asks once.
-        endpoint: The endpoint of its Zenoh router, on which it puts; ``-`` for none.
-        fd: The port.
+    A ``polled`` board is asked 50 times a second, a ``streamed`` one once.
     """
-    if endpoint == "-":
-        asyncio.run(read_counts(dialect, fd, lambda _payload: None))
-        return
     with zenoh.open(router(endpoint)) as session:
         publisher = session.declare_publisher(
             "yahboomd/pose", congestion_control=zenoh.CongestionControl.DROP
@@ -220,8 +183,6 @@ if __name__ == "__main__":
         "zenoh": zenoh_floor,
         "loop": loop_floor,
         "socket": socket_floor,
-        "timer": timer_floor,
-        "poll": poll_floor,
         "streamed": partial(reader_floor, "streamed"),
         "polled": partial(reader_floor, "polled"),
         "streamed-drives": partial(driver_floor, "streamed"),

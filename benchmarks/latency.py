@@ -12,7 +12,6 @@ import contextlib
 import random
 import re
 import socket
-import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -61,7 +60,7 @@ def command(units: int) -> bytes:
     return b'{"vx":%d.%03d,"wz":0.0}' % divmod(units, 1000)
 
 
-def measure(count: int, *, dialect: str = "streamed", loop: str = "asyncio", seed: int = 1) -> Run:
+def measure(count: int, *, dialect: str, seed: int = 1) -> Run:
     """Send ``count`` commands to each of the four."""
     endpoints = [rig.free_endpoint() for _ in range(4)]
     with contextlib.ExitStack() as stack:
@@ -77,7 +76,7 @@ def measure(count: int, *, dialect: str = "streamed", loop: str = "asyncio", see
             port = str(where / f"port{index}")
             arguments = ("-m", "benchmarks.floors", name, endpoints[index], port)
             stack.enter_context(rig.Process(*arguments)).says("ready")
-        stack.enter_context(rig.daemon(where, endpoints[DAEMON], *UNLIMITED, loop=loop))
+        stack.enter_context(rig.daemon(where, endpoints[DAEMON], *UNLIMITED))
         session = stack.enter_context(rig.client(endpoints[DAEMON]))
         bare, looped = (stack.enter_context(rig.client(endpoints[way])) for way in (ZENOH, LOOP))
         host, _, number_ = endpoints[SOCKET].removeprefix("tcp/").rpartition(":")
@@ -183,21 +182,16 @@ def bench(*, short: bool, images: Path) -> Section:
         "is out and the spacing that the board needs is over. Commands come 24 to 40 ms apart. The "
         "limits of acceleration are off, so that every command is one frame.",
     )
-    runs = [("streamed", "asyncio", count), ("polled", "asyncio", count // 6)]
-    with contextlib.suppress(ImportError):
-        __import__("uvloop")
-        runs.insert(1, ("streamed", "uvloop", count // 6))
     rows = []
-    for dialect, loop, many in runs:
-        run = measure(many, dialect=dialect, loop=loop)
-        rows += rows_of(run, f"{dialect}, {loop}")
-        if loop == "asyncio":
-            section.findings += findings(run, dialect)
-        if (dialect, loop) == ("streamed", "asyncio"):
+    for dialect, many in (("streamed", count), ("polled", count // 6)):
+        run = measure(many, dialect=dialect)
+        rows += rows_of(run, dialect)
+        section.findings += findings(run, dialect)
+        if dialect == "streamed":
             draw(section, run, images)
     section.table(
         "Milliseconds; the last two columns are ratios to the bare Zenoh callback in the same run.",
-        ["board, event loop", "way", "commands", "p50", "p99", "worst", "p50 x", "p99 x"],
+        ["board", "way", "commands", "p50", "p99", "worst", "p50 x", "p99 x"],
         rows,
     )
     return section
@@ -258,14 +252,3 @@ def findings(run: Run, dialect: str) -> list[str]:
         f"that never came, on all four ways: {run.lost}."
     )
     return sentences
-
-
-if __name__ == "__main__":
-    many = int(sys.argv[1]) if len(sys.argv) > 1 else 500
-    for kind, on in (("streamed", "asyncio"), ("polled", "asyncio"), ("streamed", "uvloop")):
-        if len(sys.argv) > 2 and on == "uvloop" and "uvloop" not in sys.argv:
-            continue
-        result = measure(many, dialect=kind, loop=on)
-        for row in rows_of(result, f"{kind}, {on}"):
-            print(*row, sep="  ")
-        print("lost", result.lost)

@@ -20,10 +20,6 @@ ROOT = Path(__file__).resolve().parent.parent
 STORE = ROOT / "build" / "benchmarks"
 
 
-class NotHere(Exception):
-    """A benchmark cannot run on this machine; the message names the missing part."""
-
-
 class Table(msgspec.Struct, kw_only=True):
     """Rows of text; the first column names their subject.
 
@@ -151,8 +147,7 @@ it and writes these pages; `.venv/bin/python -m benchmarks NAME` repeats one ben
 Times belong to the machine on which they were measured: two shared cores, with a simulated board.
 Ratios compare processes that ran at the same time, and carry over to other machines. p50 is the
 median; 99 of 100 values are below p99. Worst cases of a virtual machine say more about the machine
-than about yahboomd. `make ratios` compares the daemon with the smallest programs that do the same:
-[results](benchmarks/ratios.md).
+than about yahboomd. [What was tried](benchmarks/ratios.md) to make it cheaper has a page.
 """
 
 

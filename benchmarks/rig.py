@@ -14,7 +14,7 @@ import tempfile
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple, Self, TypeVar
 
@@ -38,26 +38,12 @@ def wait_for(condition: Callable[[], Thing | None], what: str) -> Thing:
 
 
 class Process:
-    """A child; its output is kept. ``Process("-m", "yahboomd", ...)``.
+    """A child of this Python; its output is kept. ``Process("-m", "yahboomd", ...)``."""
 
-    Args:
-        arguments: The arguments of Python, or of the program.
-        environ: Additions to this process's environment.
-        program: Another program than this Python.
-        nice: Its niceness; without the permission ``nice`` prints a warning and runs it unchanged.
-    """
-
-    def __init__(
-        self,
-        *arguments: str,
-        environ: dict[str, str] | None = None,
-        program: str = sys.executable,
-        nice: int = 0,
-    ) -> None:
+    def __init__(self, *arguments: str, environ: dict[str, str] | None = None) -> None:
         self.lines: list[str] = []
-        first = ["nice", "-n", str(nice)] if nice else []
         self.process = subprocess.Popen(
-            [*first, program, *arguments],
+            [sys.executable, *arguments],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -129,12 +115,11 @@ def folder() -> Iterator[Path]:
         yield Path(path)
 
 
-def thin_board(where: Path, *options: str, ports: int = 1, nice: int = 0) -> Process:
+def thin_board(where: Path, *options: str, ports: int = 1) -> Process:
     """A board that costs next to nothing; it logs received bytes to ``where``/heard."""
     process = Process(
         *("-m", "benchmarks.thin_board", "--log", str(where / "heard")),
         *("--links", *(str(where / f"port{n}") for n in range(ports)), *options),
-        nice=nice,
     )
     process.says("ready")
     return process
@@ -152,10 +137,6 @@ def daemon(
     endpoint: str,
     *settings: str,
     port: str = "port0",
-    loop: str = "asyncio",
-    connect: Sequence[str] = (),
-    prefix: Sequence[str] = ("-m", "yahboomd"),
-    nice: int = 0,
 ) -> Process:
     """``yahboomd run`` on a port in ``where``; the settings are those of ``--set``.
 
@@ -163,16 +144,14 @@ def daemon(
     """
     own = [
         f"zenoh.listen={json.dumps([endpoint])}",
-        f"zenoh.connect={json.dumps(list(connect))}",
+        "zenoh.connect=[]",
         f"estop.latch_file={where / (port + '.estop')}",
         *settings,
     ]
-    chosen = ("-m", "benchmarks.on_uvloop") if loop == "uvloop" else tuple(prefix)
     arguments = [part for each in own for part in ("--set", each)]
     environ = {"STATE_DIRECTORY": str(where / (port + ".state"))}
     return Process(
-        *(*chosen, "run", "--no-guard", "--port", str(where / port), *arguments),
-        nice=nice,
+        *("-m", "yahboomd", "run", "--no-guard", "--port", str(where / port), *arguments),
         environ=environ,
     )
 
@@ -200,19 +179,13 @@ def free_endpoint() -> str:
         return f"tcp/127.0.0.1:{port}"
 
 
-def client_config(endpoint: str, *, mode: str = "client", shared: bool = False) -> zenoh.Config:
-    """The configuration of a client, without shared memory, like the daemon's."""
+def client(endpoint: str) -> zenoh.Session:
+    """Open a Zenoh client, without shared memory; its router may be about to start."""
     config = zenoh.Config()
-    config.insert_json5("mode", json.dumps(mode))
+    config.insert_json5("mode", '"client"')
     config.insert_json5("connect/endpoints", json.dumps([endpoint]))
     config.insert_json5("scouting/multicast/enabled", "false")
-    config.insert_json5("transport/shared_memory/enabled", json.dumps(shared))
-    return config
-
-
-def client(endpoint: str) -> zenoh.Session:
-    """Open a Zenoh client of a router on loopback, which may be about to start."""
-    config = client_config(endpoint)
+    config.insert_json5("transport/shared_memory/enabled", "false")
 
     def opened() -> zenoh.Session | None:
         try:
@@ -226,10 +199,9 @@ def client(endpoint: str) -> zenoh.Session:
 class Status:
     """The daemon's latest status sample."""
 
-    def __init__(self, session: zenoh.Session, namespace: str = "") -> None:
+    def __init__(self, session: zenoh.Session) -> None:
         self.latest: dict[str, Any] = {}
-        key = f"{namespace}/yahboomd/status" if namespace else "yahboomd/status"
-        session.declare_subscriber(key, self._take)
+        session.declare_subscriber("yahboomd/status", self._take)
 
     def _take(self, sample: zenoh.Sample) -> None:
         self.latest = json.loads(bytes(sample.payload))
@@ -262,13 +234,3 @@ def usage(pid: int) -> Usage:
 def share_of_core(before: Usage, after: Usage) -> float:
     """CPU between two measurements, as a share of a core."""
     return (after.cpu_ns - before.cpu_ns) / (after.wall_ns - before.wall_ns)
-
-
-BUSY = "import os, sys; os.sched_setaffinity(0, {int(sys.argv[1])}); print('busy')\nwhile 1: pass"
-
-
-def busy_core(core: int) -> Process:
-    """A process that keeps one core busy; end it."""
-    process = Process("-c", BUSY, str(core))
-    process.says("busy")
-    return process

@@ -6,9 +6,8 @@ import math
 
 import numpy as np
 import pytest
-from calibration_runs import exact, squares_and_straight
+from calibration_runs import TRACK_M, exact, squares_and_straight, straight, turned
 
-from benchmarks.random_robots import TRACK_M, straight, turned
 from yahboomd.tools.calibrate.estimates.least_squares import fit
 from yahboomd.tools.calibrate.estimates.runs import Factors, Run
 from yahboomd.tools.calibrate.estimates.sideways import Sideways, SidewaysRun

@@ -32,7 +32,6 @@ EXTRAS = {
     "mcap": "record",
     **dict.fromkeys(("starlette", "uvicorn", "websockets", "segno"), "web"),
     "cryptography": "fleet",
-    "uvloop": "uvloop",
 }
 """Optional packages, with the name of the extra that installs each."""
 
