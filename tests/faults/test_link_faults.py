@@ -14,7 +14,6 @@ from pathlib import Path
 import pytest
 from board_bench import BoardPort
 from fault_bench import (
-    CUT,
     DIALECTS,
     MS,
     STREAMS,
@@ -24,7 +23,6 @@ from fault_bench import (
     is_stop,
 )
 
-from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
 from yahboomd.simulation.virtual_time import on_virtual_time
@@ -393,36 +391,6 @@ async def test_what_was_commanded_while_the_board_was_away_is_over_when_it_comes
         assert bench.standing
 
 
-@on_virtual_time
-async def test_a_missing_port_is_tried_for_ever_about_once_a_second_and_logged_once(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    async with robot(tmp_path) as bench:
-        await bench.ready()
-        bench.do("unplug")
-        before = bench.supervisor.counters["attempts"]
-        loop = asyncio.get_running_loop()
-        turns = 0
-        select = loop._selector.select  # type: ignore[attr-defined]
-
-        def counting(timeout: float | None = None) -> object:
-            nonlocal turns
-            turns += 1
-            return select(timeout)
-
-        loop._selector.select = counting  # type: ignore[attr-defined]
-        await asyncio.sleep(600.0)
-        attempts = bench.supervisor.counters["attempts"] - before
-        print(f"ten minutes without a port: {attempts} attempts, {turns / 600:.0f} turns/s")
-        assert 730 <= attempts <= 760
-        # 50 control steps a second, and nothing that spins.
-        assert turns < 600 * 200
-        assert len(bench.events("disconnected")) == 1
-        assert sum("there is no such port" in each.message for each in caplog.records) <= 1
-        bench.do("replug")
-        await bench.ready()
-
-
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
@@ -487,18 +455,3 @@ async def test_a_port_whose_output_is_stuck_is_opened_again_and_the_wheels_stopp
         assert len(bench.ports) == 2
         assert bench.standing
         assert "takes no output" in bench.events("disconnected")[0]
-
-
-@on_virtual_time
-async def test_settings_that_change_while_the_board_is_away_are_looked_at_again(
-    tmp_path: Path,
-) -> None:
-    async with robot(tmp_path) as bench:
-        await bench.ready()
-        bench.do("unplug 1")
-        bench.robot.board.flash = FlashContent(motor_type=2)  # type: ignore[attr-defined]
-        await asyncio.sleep(4.0)
-        await bench.drive(1.0, 0.3)
-        assert bench.standing
-        assert bench.controller.state()[0] == "fault"
-        assert bench.frames[-1] == CUT

@@ -167,26 +167,6 @@ async def test_a_stop_is_said_again_until_the_wheels_stand_and_cut_after_600_ms(
 
 
 @pytest.mark.cases(1)
-@pytest.mark.parametrize("dialect", STREAMS)
-@on_virtual_time
-async def test_a_wheel_that_rolls_on_after_its_cut_is_held_once_and_then_accused_and_cut_for_good(
-    tmp_path: Path, dialect: str
-) -> None:
-    async with robot(tmp_path, dialect=dialect) as bench:
-        await bench.ready()
-        await bench.drive(1.0, 0.3)
-        bench.do("turning left 0.08")
-        now_ns = bench.clock.now_ns()
-        await estop(bench)
-        await asyncio.sleep(5.0)
-        kinds = [kind for kind in bench.heard.kinds if kind in {"rolled", "stop_not_obeyed"}]
-        assert kinds[:2] == ["rolled", "stop_not_obeyed"]
-        assert kinds.count("rolled") == 1
-        orders = [order for at_ns, order in bench.orders_since(now_ns)]
-        assert orders[-1] == SUREST[dialect]
-
-
-@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", EVERY_DIALECT)
 @on_virtual_time
 async def test_wheels_of_a_crash_are_stopped_however_early_the_connecting_is_broken_off(

@@ -341,6 +341,7 @@ def test_a_stop_on_this_machine_needs_no_zenoh_session(local_robot: RealRobot) -
         local_robot.settled_truth()
 
 
+@pytest.mark.nightly
 def test_a_frozen_daemon_is_named_with_what_ends_it(local_robot: RealRobot) -> None:
     pid = local_robot.daemon.process.pid
     with driver(local_robot.endpoint):
@@ -387,25 +388,6 @@ def neighbour(
 
 
 @pytest.mark.nightly
-def test_a_plain_stop_covers_the_board_of_a_killed_daemon_beside_a_living_one(
-    local_robot: RealRobot, real_robot: Callable[..., RealRobot], client: Callable[..., Client]
-) -> None:
-    other = real_robot(environ=local_robot.environ)
-    client("client", other.endpoint).in_state("standing")
-    with driver(local_robot.endpoint), driver(other.endpoint):
-        driven(local_robot)
-        driven(other)
-        local_robot.daemon.end(signal.SIGKILL)
-        assert turning(local_robot)
-        ran = Process("stop", *named(local_robot, other), environ=local_robot.environ)
-        assert ran.end_by_itself() == 0, ran.output
-        assert "yahboomd stop` (" in ran.output
-        assert f"{local_robot.port} (streamed board): the wheels stand" in ran.output
-        local_robot.settled_truth()
-        other.settled_truth()
-
-
-@pytest.mark.nightly
 def test_a_direct_stop_stops_the_killed_daemons_board_and_leaves_a_living_neighbours_alone(
     local_robot: RealRobot, neighbour: RealRobot
 ) -> None:
@@ -423,29 +405,6 @@ def test_a_direct_stop_stops_the_killed_daemons_board_and_leaves_a_living_neighb
 
 
 @pytest.mark.nightly
-def test_a_daemon_that_waits_for_the_port_of_another_need_not_show_standing_wheels(
-    local_robot: RealRobot,
-) -> None:
-    waiting = Process(
-        "run",
-        *("--port", str(local_robot.port), "--set", f'zenoh.listen=["{free_endpoint()}"]'),
-        *("--set", "zenoh.connect=[]"),
-        environ=local_robot.environ,
-    )
-    try:
-        waiting.says("the port is held")
-        with driver(local_robot.endpoint):
-            driven(local_robot)
-            ran = stop(local_robot)
-            assert ran.process.returncode == 0, ran.output
-            assert (
-                f"yahboomd (pid {waiting.process.pid}, {local_robot.port}) does not" in ran.output
-            )
-            local_robot.settled_truth()
-    finally:
-        waiting.end()
-
-
 def test_a_daemon_with_a_runtime_folder_of_its_own_is_named_with_the_command_that_reaches_it(
     local_robot: RealRobot, tmp_path: Path
 ) -> None:

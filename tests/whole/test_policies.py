@@ -12,39 +12,6 @@ from fault_bench import FaultBench
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 TELEOP = "cmd_vel/teleop"
-TIMEOUTS = {"cmd_vel": 0.5, TELEOP: 0.3}
-BOARD_LATENCY_S = 0.03
-"""From a speed frame's last byte until the board acts, and the rest of a control step."""
-
-
-async def stop_after_silence(bench: FaultBench) -> tuple[float, float]:
-    """Seconds from the last command until the wheels slow down, and from there until they stand."""
-    bench.robot.advance(bench.clock.now_ns())
-    last_ns = bench.truth[-1].t_ns
-    cruise = min(bench.truth[-1].speed_m_s)
-    await asyncio.sleep(2.0)
-    stood_ns = bench.stood_at(last_ns)
-    slowed_ns = next(
-        each.t_ns
-        for each in bench.truth
-        if each.t_ns > last_ns and max(each.speed_m_s) < 0.9 * cruise
-    )
-    return (slowed_ns - last_ns) / 1e9, (stood_ns - slowed_ns) / 1e9
-
-
-@pytest.mark.cases(1)
-@pytest.mark.parametrize("source", list(TIMEOUTS))
-@on_virtual_time
-async def test_each_source_is_silent_after_a_timeout_of_its_own(
-    tmp_path: Path, source: str
-) -> None:
-    async with FaultBench(tmp_path, ["command.on_timeout=halt"]) as bench:
-        await bench.ready()
-        await bench.drive(1.5, 0.4, source=source)
-        bench.command(0.4, source=source)
-        silent_s, _ = await stop_after_silence(bench)
-        # The wheels lag behind their command.
-        assert TIMEOUTS[source] <= silent_s < TIMEOUTS[source] + 2 * BOARD_LATENCY_S
 
 
 @on_virtual_time
@@ -88,25 +55,6 @@ async def test_the_larger_priority_takes_over_and_gives_back_from_standstill_alo
             for each in bench.truth
             if before_ns + 500_000_000 < each.t_ns < taken_ns
         )
-
-
-@on_virtual_time
-async def test_among_equals_the_source_in_control_keeps_it_and_a_zero_keeps_it_too(
-    tmp_path: Path,
-) -> None:
-    other = "command.sources.other.priority=10"
-    async with FaultBench(tmp_path, [other]) as bench:
-        await bench.ready()
-        await bench.drive(0.5, 0.0)
-        for _ in range(10):
-            bench.command(0.0)
-            bench.command(0.3, source="other")
-            await asyncio.sleep(0.05)
-        assert bench.controller.decision.driver == "cmd_vel"
-        assert bench.standing
-        await bench.drive(1.5, 0.3, source="other")
-        assert bench.controller.decision.driver == "other"
-        assert min(bench.rim_speeds) == pytest.approx(0.3, abs=0.03)
 
 
 @on_virtual_time
