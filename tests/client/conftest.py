@@ -3,10 +3,11 @@ from __future__ import annotations
 import pytest
 from command_fixtures import patience
 from fake_daemon import fake_daemon
+from fake_zenoh import fake_zenoh
 
 from yahboomd.core import program
 
-__all__ = ["fake_daemon", "patience"]
+__all__ = ["fake_daemon", "fake_zenoh", "patience"]
 
 
 @pytest.fixture(autouse=True)

@@ -5,8 +5,6 @@ from __future__ import annotations
 import asyncio
 import math
 import os
-import signal
-import sys
 from pathlib import Path
 from typing import Any
 from unittest.mock import ANY
@@ -14,7 +12,7 @@ from unittest.mock import ANY
 import daemon_samples
 import msgspec
 import pytest
-from zenoh_fixtures import PATIENCE_S, eventually, free_endpoint
+from zenoh_fixtures import PATIENCE_S, eventually
 
 from yahboomd.client import (
     AsyncRobot,
@@ -36,7 +34,7 @@ from yahboomd.core.bus.subscriptions import Subscription
 from yahboomd.core.clock import SystemClock
 from yahboomd.core.messages.codecs import estop_by
 
-pytestmark = pytest.mark.realtime
+pytestmark = pytest.mark.usefixtures("fake_zenoh")
 
 ZERO = (0.0, 0.0)
 
@@ -171,6 +169,7 @@ async def test_a_loop_that_drives_by_old_poses_is_warned_once(
     assert ("depth=64" in caplog.text) == (depth == 64)
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("encoding", ["json", "msgpack"])
 @pytest.mark.parametrize("version", ["first", "newer"])
 async def test_a_daemon_of_another_version_is_read(
@@ -291,20 +290,6 @@ async def test_a_daemon_that_does_not_know_the_name_is_stopped_and_the_answer_te
     assert daemon.asked == [keys.ESTOP]
 
 
-async def test_entering_without_a_daemon_ends_in_an_error_with_a_remedy() -> None:
-    endpoint = free_endpoint()
-    with pytest.raises(NoDaemon, match=endpoint) as caught:
-        async with connect(endpoint, wait_s=0.0):
-            pass
-    assert caught.value.remedy
-
-
-async def test_entering_with_one_try_finds_a_daemon_that_is_there(fake_daemon: Any) -> None:
-    daemon = await fake_daemon()
-    async with connect(daemon.endpoint, wait_s=0.0) as robot:
-        assert robot.alive
-
-
 async def test_a_session_can_be_joined_without_waiting_for_the_daemon(fake_daemon: Any) -> None:
     daemon = await fake_daemon(namespace="bot1")
     robot: AsyncRobot = connect(daemon.endpoint, namespace="bot2")
@@ -332,38 +317,6 @@ async def test_streams_that_ended_leave_nothing_behind(fake_daemon: Any) -> None
         assert sum(isinstance(each, Subscription) for each in robot.bus._declared) == 2
     # It ends with the robot, after the kept samples.
     assert all([isinstance(sample, PoseSample) async for sample in stream])
-
-
-TWO_ROBOTS = """
-import asyncio, os, signal, sys
-from yahboomd.client import connect
-async def drive(endpoint):
-    async with connect(endpoint) as robot:
-        robot.drive(0.2, for_s=60)
-        while robot.counters.published < 2:
-            await asyncio.sleep(0.01)
-        print("drives", flush=True)
-        await asyncio.Event().wait()
-async def main():
-    await asyncio.gather(*(drive(each) for each in sys.argv[1:]))
-asyncio.run(main())
-"""
-
-
-async def test_sigterm_stops_each_robot_of_a_program(fake_daemon: Any) -> None:
-    daemons = [await fake_daemon(), await fake_daemon()]
-    process = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-c", TWO_ROBOTS, *(each.endpoint for each in daemons)),
-        stdout=asyncio.subprocess.PIPE,
-        stderr=asyncio.subprocess.DEVNULL,
-    )
-    assert process.stdout is not None
-    for _ in daemons:
-        assert await process.stdout.readline() == b"drives\n"
-    process.terminate()
-    assert await process.wait() == 128 + signal.SIGTERM
-    for daemon in daemons:
-        await eventually(lambda daemon=daemon: daemon.velocities[-1:] == [ZERO])
 
 
 def test_an_emergency_stop_carries_a_name_that_the_daemon_reads() -> None:

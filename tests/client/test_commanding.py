@@ -12,11 +12,11 @@ import daemon_samples
 import pytest
 from zenoh_fixtures import PATIENCE_S, eventually
 
-from yahboomd.client import AsyncRobot, CommandEnded, PoseSample, StatusSample, connect
+from yahboomd.client import AsyncRobot, CommandEnded, PoseSample, connect
 from yahboomd.client.connecting import client_options
 from yahboomd.core.clock import SystemClock
 
-pytestmark = pytest.mark.realtime
+pytestmark = pytest.mark.usefixtures("fake_zenoh")
 
 ZERO = (0.0, 0.0)
 
@@ -63,13 +63,6 @@ async def test_a_stop_is_published_at_once_and_ends(fake_daemon: Any) -> None:
     assert (0.2, 0.0) not in daemon.velocities[daemon.velocities.index(ZERO) :]
 
 
-async def test_a_client_that_never_drove_publishes_nothing(fake_daemon: Any) -> None:
-    daemon = await fake_daemon()
-    async with connect(daemon.endpoint) as robot:
-        await robot.get(StatusSample)
-    assert daemon.velocities == []
-
-
 async def test_a_robot_that_will_not_move_says_why(
     fake_daemon: Any, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -97,6 +90,7 @@ async def test_a_velocity_that_no_robot_has_is_refused_at_once(fake_daemon: Any)
     assert daemon.velocities == []
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("wrong", ["0.2", True, None, [0.2], b"1"])
 async def test_what_is_no_number_is_refused_by_its_name(fake_daemon: Any, wrong: Any) -> None:
     daemon = await fake_daemon()
@@ -120,6 +114,7 @@ class Sleepy(SystemClock):
         return self.slept_ns
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize(
     ("config", "source", "bound_ms"),
     [

@@ -15,9 +15,6 @@ def test_a_client_listens_nowhere_and_enforces_no_access_control() -> None:
     assert made.namespace == "bot1"
     assert made.config_file == Path("/etc/zenoh.json5")
     assert not made.enforces
-
-
-def test_several_endpoints_may_be_given() -> None:
     assert client_options(["tcp/a:1", "tcp/b:2"]).connect == ("tcp/a:1", "tcp/b:2")
 
 

@@ -17,7 +17,7 @@ from yahboomd.core.clock import SystemClock
 from yahboomd.core.errors import BusError, NoDaemon
 from yahboomd.core.messages.codecs import encode
 
-pytestmark = pytest.mark.realtime
+pytestmark = pytest.mark.usefixtures("fake_zenoh")
 
 
 def connection(endpoint: str, namespace: str = "", changes: list[bool] | None = None) -> Connection:

@@ -62,6 +62,7 @@ def test_in_another_thread_nothing_is_installed() -> None:
     endings.end()
 
 
+@pytest.mark.nightly
 def test_a_process_ends_with_the_status_of_its_signal() -> None:
     code = (
         "import signal\nfrom yahboomd.client.endings import Endings\n"

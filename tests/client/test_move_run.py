@@ -17,7 +17,7 @@ from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.options import BusOptions
 from yahboomd.core.messages.native import ServiceReply
 
-pytestmark = pytest.mark.realtime
+pytestmark = pytest.mark.usefixtures("fake_zenoh")
 
 TURN = Move(kind="turn", angle_rad=1.0)
 

@@ -30,6 +30,7 @@ def test_the_name_is_that_of_the_persons_file_and_no_robots_or_routers_file_has_
     assert person_in(made / "robots/bot1.json5") == ""
     assert person_in(made / "routers/north.json5") == ""
     assert own_source("anna") == "cmd_vel/anna"
+    assert person_in(None) == person_in(made / "absent.json5") == ""
 
 
 @pytest.mark.parametrize(
@@ -47,8 +48,3 @@ def test_a_file_without_a_usable_name_has_none(tmp_path: Path, text: str) -> Non
     path = tmp_path / "zenoh.json5"
     path.write_text(text)
     assert person_in(path) == ""
-
-
-def test_no_file_and_one_that_is_not_there_have_no_name(tmp_path: Path) -> None:
-    assert person_in(None) == ""
-    assert person_in(tmp_path / "absent.json5") == ""

@@ -102,7 +102,7 @@ async def asked(us: Bus) -> Answer:
     return read_answers(await ask(us.session, keys.ESTOP, urgent=True))
 
 
-@pytest.mark.realtime
+@pytest.mark.usefixtures("fake_zenoh")
 async def test_every_daemon_is_asked_not_the_nearest_alone(fake_daemon: Any) -> None:
     daemon = await fake_daemon()
     reply = Response(payload=encode(ServiceReply(success=True, message="Me too."), "json"))
@@ -116,14 +116,14 @@ async def test_every_daemon_is_asked_not_the_nearest_alone(fake_daemon: Any) -> 
     assert "Me too." in answer.message
 
 
-@pytest.mark.realtime
+@pytest.mark.usefixtures("fake_zenoh")
 async def test_a_service_without_a_server_answers_nothing(fake_daemon: Any) -> None:
     daemon = await fake_daemon()
     async with client(daemon.endpoint) as us:
         assert await ask(us.session, "yahboomd/nothing") == []
 
 
-@pytest.mark.realtime
+@pytest.mark.usefixtures("fake_zenoh")
 async def test_keys_that_are_asked_at_once_do_not_wait_for_each_other(fake_daemon: Any) -> None:
     daemon = await fake_daemon()
     last_came = asyncio.Event()
@@ -150,7 +150,7 @@ async def test_keys_that_are_asked_at_once_do_not_wait_for_each_other(fake_daemo
     assert found == [[YES], [YES]]
 
 
-@pytest.mark.realtime
+@pytest.mark.usefixtures("fake_zenoh")
 async def test_a_key_that_cannot_be_asked_or_that_nothing_knows_keeps_no_other_from_being_asked(
     fake_daemon: Any,
 ) -> None:

@@ -19,6 +19,7 @@ from typing import Any, Self
 import pytest
 import zenoh
 
+from yahboomd.client import streams
 from yahboomd.core.bus import subscriptions
 
 PUT, DELETE = zenoh.SampleKind.PUT, zenoh.SampleKind.DELETE
@@ -395,5 +396,6 @@ def fake_zenoh(monkeypatch: pytest.MonkeyPatch) -> FakeZenoh:
     fake = FakeZenoh()
     monkeypatch.setattr(zenoh, "open", fake.open)
     monkeypatch.setattr(zenoh, "Publisher", FakePublisher)
-    monkeypatch.setattr(subscriptions, "RingChannel", Ring)
+    for module in (subscriptions, streams):
+        monkeypatch.setattr(module, "RingChannel", Ring)
     return fake
