@@ -48,7 +48,7 @@ def mutual(example: Callable[..., str], authority: Any) -> str:
     )
 
 
-@pytest.fixture(params=["users", "certificates"])
+@pytest.fixture(params=[pytest.param("users", marks=pytest.mark.nightly), "certificates"])
 def house(
     request: pytest.FixtureRequest,
     guarded: Callable[..., RealRobot],
@@ -125,6 +125,7 @@ def test_an_operator_has_moves_driven_and_a_viewer_neither_starts_them_nor_keeps
     assert viewer.is_refused("yahboomd/moves/start", straight)
 
 
+@pytest.mark.parametrize("house", ["users", "certificates"], indirect=True)
 def test_a_viewer_is_refused_cmd_vel_and_the_services_and_still_reads_the_pose(
     house: tuple[RealRobot, Callable[[str], dict[str, Any]]], app: Callable[..., Any]
 ) -> None:
@@ -158,6 +159,7 @@ def test_a_viewer_is_refused_cmd_vel_and_the_services_and_still_reads_the_pose(
     operator.drive_until(lambda: robot.travelled_m() > driven + 0.3, "it drives again")
 
 
+@pytest.mark.nightly
 def test_the_python_client_drives_with_the_papers_of_its_file_and_a_viewer_reads(
     house: tuple[RealRobot, Callable[[str], dict[str, Any]]], tmp_path: Path
 ) -> None:
@@ -184,6 +186,7 @@ def test_the_python_client_drives_with_the_papers_of_its_file_and_a_viewer_reads
         wait_for(lambda: viewer.status, "a status")
 
 
+@pytest.mark.nightly
 def test_somebody_who_is_known_and_named_in_no_rule_may_do_nothing(
     house: tuple[RealRobot, Callable[[str], dict[str, Any]]], app: Callable[..., Any]
 ) -> None:
@@ -198,6 +201,7 @@ def test_somebody_who_is_known_and_named_in_no_rule_may_do_nothing(
     assert sum(robot.settled_truth().travel_m) == pytest.approx(0.0, abs=1e-6)
 
 
+@pytest.mark.nightly
 def test_the_tools_on_the_robot_are_heard_with_the_daemons_own_file_where_a_rule_names_them(
     guarded: Callable[..., RealRobot],
     example: Callable[..., str],
@@ -237,6 +241,7 @@ def test_without_credentials_no_client_is_admitted(
     app(robot.endpoint, papers("viewer")).sees_poses()
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("natively", [False, True])
 def test_a_certificate_of_another_authority_is_none(
     natively: bool,
@@ -257,6 +262,7 @@ def test_a_certificate_of_another_authority_is_none(
     app(robot.endpoint, authority.shown_by("operator")).sees_poses()
 
 
+@pytest.mark.nightly
 def test_a_viewer_drives_by_no_key_of_ros_either(
     guarded: Callable[..., RealRobot],
     example: Callable[..., str],
@@ -278,6 +284,7 @@ def test_a_viewer_drives_by_no_key_of_ros_either(
     wait_for(lambda: operator.session.put("cmd_vel", twist) or robot.travelled_m() > 0, "motion")
 
 
+@pytest.mark.nightly
 def test_others_drive_through_a_node_that_listens_and_reach_none_that_is_a_client(
     guarded: Callable[..., RealRobot],
     example: Callable[..., str],

@@ -71,6 +71,7 @@ def test_by_default_one_port_is_open_and_only_this_machine_reaches_it(
     assert "this machine alone" in robot.daemon.output
 
 
+@pytest.mark.nightly
 def test_a_port_that_others_reach_is_found_by_this_test_and_logged_by_the_daemon(
     real_robot: Callable[..., RealRobot], client: Callable[..., Client]
 ) -> None:
