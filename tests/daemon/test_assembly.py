@@ -38,12 +38,6 @@ def test_the_bus_listens_where_the_configuration_says() -> None:
     assert options.mode == "router"
 
 
-def test_a_zenoh_file_is_handed_on_as_a_path(tmp_path: Path) -> None:
-    path = tmp_path / "zenoh.json5"
-    path.write_text("{}")
-    assert assembly.bus_options(config(f"zenoh.config={path}")).config_file == path
-
-
 def test_a_session_gets_the_port_and_the_wheels() -> None:
     options = assembly.session_options(
         config("serial.dialect=polled", "odometry.poll_rate_hz=100", "command.resend_s=0.2")
@@ -139,19 +133,6 @@ async def test_how_the_port_was_opened_is_noted_for_the_stop_after_a_kill(tmp_pa
         *(57600, True, False, False, device, os.getpid()),
         listen=settings.zenoh.listen,
     )
-
-
-async def test_a_disk_that_hangs_under_the_note_holds_up_no_port(tmp_path: Path) -> None:
-    master, slave = os.openpty()
-    settings = config(f"serial.port={os.ttyname(slave)}")
-    # Who opens a pipe for writing waits for its reader.
-    note = tmp_path / f"port@{quote(os.ttyname(slave), safe='')}.{os.getpid()}.new"
-    os.mkfifo(note)
-    port = await assembly.opener(settings, SystemClock(), {"RUNTIME_DIRECTORY": str(tmp_path)})()
-    os.close(os.open(note, os.O_RDONLY | os.O_NONBLOCK))
-    port.close()
-    os.close(slave)
-    os.close(master)
 
 
 async def test_a_disk_that_hangs_under_the_note_holds_up_one_thread(tmp_path: Path) -> None:

@@ -120,10 +120,6 @@ def test_what_is_published_has_its_qos() -> None:
         assert all(";" in encoding for encoding in qos["encodings"])
 
 
-def test_the_document_is_the_same_each_time() -> None:
-    assert asyncapi.document() == DOCUMENT
-
-
 # The page, docs/bus.md.
 
 

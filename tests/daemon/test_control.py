@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import itertools
-import json
 import math
 from pathlib import Path
 
@@ -13,9 +12,7 @@ from real_robot import wait_for
 from robot_bench import RobotBench, steps_of
 
 from yahboomd.core.drive import battery
-from yahboomd.core.model import NS_PER_S, EncoderReading, Pose2d
-from yahboomd.simulation.four_channel.flash import FlashContent
-from yahboomd.simulation.motors import MotorFaults
+from yahboomd.core.model import NS_PER_S, EncoderReading
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 
@@ -26,6 +23,7 @@ def robot(tmp_path: Path, *overrides: str, **simulation: object) -> RobotBench:
     return RobotBench(tmp_path, overrides, SimulationOptions(**simulation))  # type: ignore[arg-type]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
 async def test_a_command_turns_the_wheels_and_silence_stops_them(
@@ -43,6 +41,7 @@ async def test_a_command_turns_the_wheels_and_silence_stops_them(
         assert "cmd_vel fell silent" in why
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
 async def test_the_pose_follows_the_ground_truth(tmp_path: Path, dialect: str) -> None:
@@ -88,7 +87,9 @@ async def test_nothing_moves_before_the_first_counts(tmp_path: Path) -> None:
 
 
 @on_virtual_time
-async def test_the_estop_stops_at_once_and_holds_against_commands(tmp_path: Path) -> None:
+async def test_the_estop_stops_at_once_and_holds_against_commands_and_over_a_restart(
+    tmp_path: Path,
+) -> None:
     async with robot(tmp_path) as bench:
         await bench.ready()
         await bench.drive(1.0, 0.3)
@@ -101,67 +102,8 @@ async def test_the_estop_stops_at_once_and_holds_against_commands(tmp_path: Path
         assert "engaged by a test" in why
         # Another thread writes it, on the machine's time.
         wait_for((tmp_path / "estop").exists, "the latch is on file")
-
-
-@on_virtual_time
-async def test_the_estop_is_released_only_while_no_source_commands_motion(tmp_path: Path) -> None:
-    async with robot(tmp_path) as bench:
-        await bench.ready()
-        bench.operator.engage_estop("a test")
-        await bench.drive(0.2, 0.3)
-        released, why = bench.operator.release_estop()
-        assert not released
-        assert "cmd_vel commands motion" in why
-        await asyncio.sleep(1.0)
-        released, why = bench.operator.release_estop()
-        assert released
-        assert not (tmp_path / "estop").exists()
-        await bench.drive(0.5, 0.3)
-        assert min(bench.rim_speeds) > 0.2
-
-
-@on_virtual_time
-async def test_the_latch_survives_a_restart(tmp_path: Path) -> None:
-    async with robot(tmp_path) as bench:
-        await bench.ready()
-        bench.operator.engage_estop("a test")
     async with robot(tmp_path) as again:
         await again.until(lambda: again.controller.state()[0] == "estopped")
-        await again.drive(0.5, 0.3)
-        assert again.standing
-
-
-@pytest.mark.parametrize(
-    "fault", [MotorFaults(encoder_dead=True), MotorFaults(encoder_reversed=True)]
-)
-@on_virtual_time
-async def test_a_wheel_that_runs_away_is_cut_and_named(tmp_path: Path, fault: MotorFaults) -> None:
-    async with robot(tmp_path) as bench:
-        await bench.ready()
-        bench.robot.set_faults("left", fault, now_ns=bench.clock.now_ns())
-        await bench.drive(2.0, 0.3)
-        await asyncio.sleep(1.0)
-        assert bench.standing
-        state, why = bench.controller.state()
-        assert state == "fault"
-        assert "left" in why
-        assert any(event.wheel == "left" for event in bench.heard.events)
-        released, _ = bench.operator.release_estop()
-        assert released
-        assert bench.controller.state()[0] == "standing"
-
-
-@on_virtual_time
-async def test_a_board_whose_type_differs_is_not_moved_and_the_remedy_is_named(
-    tmp_path: Path,
-) -> None:
-    async with robot(tmp_path, flash=FlashContent(motor_type=2)) as bench:
-        await bench.until(lambda: bench.heard.estimates)
-        await bench.drive(0.5, 0.3)
-        assert bench.standing
-        state, why = bench.controller.state()
-        assert state == "fault"
-        assert "yahboomd probe --write" in why
 
 
 @on_virtual_time
@@ -182,6 +124,7 @@ async def test_the_pose_goes_on_after_an_unplug_and_counts_what_was_travelled(
         assert truth.x > 2.4
 
 
+@pytest.mark.cases(1)
 @on_virtual_time
 @pytest.mark.parametrize("dialect", ["streamed", "polled"])
 async def test_the_way_to_standstill_is_in_the_pose_when_the_service_ends(
@@ -198,17 +141,7 @@ async def test_the_way_to_standstill_is_in_the_pose_when_the_service_ends(
         assert "odometry_discontinuity" not in bench.heard.kinds
 
 
-@on_virtual_time
-async def test_setting_the_pose_moves_the_estimate_there(tmp_path: Path) -> None:
-    async with robot(tmp_path) as bench:
-        await bench.ready()
-        bench.operator.set_pose(Pose2d(x=1.0, y=2.0, theta=0.5), None)
-        count = len(bench.heard.estimates)
-        await bench.until(lambda: len(bench.heard.estimates) > count + 5)
-        pose = bench.heard.estimates[-1].pose
-        assert (pose.x, pose.y, pose.theta) == pytest.approx((1.0, 2.0, 0.5))
-
-
+@pytest.mark.cases(2)
 @pytest.mark.parametrize(
     ("payload", "reason"),
     [
@@ -239,52 +172,16 @@ async def test_a_bad_command_is_refused_counted_and_explained(
 
 
 @on_virtual_time
-async def test_a_stale_command_is_refused(tmp_path: Path) -> None:
-    async with robot(tmp_path) as bench:
-        await bench.ready()
-        stamp_ns = bench.clock.wall_ns()
-        bench.payload(json.dumps({"vx": 0.0, "stamp_ns": stamp_ns}).encode())
-        await asyncio.sleep(1.0)
-        bench.payload(json.dumps({"vx": 0.3, "stamp_ns": stamp_ns + 1}).encode())
-        await asyncio.sleep(0.2)
-        assert bench.standing
-        assert bench.intake.status_values()["stale"] == 1
-
-
-@on_virtual_time
-async def test_a_sideways_wish_on_a_differential_drive_is_ignored_and_counted(
-    tmp_path: Path,
-) -> None:
-    async with robot(tmp_path) as bench:
-        await bench.ready()
-        bench.payload(b'{"vx": 0.3, "vy": 0.3}')
-        await asyncio.sleep(0.3)
-        assert bench.intake.status_values()["vy_ignored"] == 1
-        assert min(bench.rim_speeds) > 0.1
-
-
-@on_virtual_time
-async def test_the_wheels_are_let_go_at_rest_where_the_configuration_says_so(
-    tmp_path: Path,
-) -> None:
-    async with robot(tmp_path, "command.at_rest=release") as bench:
-        await bench.ready()
-        await bench.drive(0.5, 0.3)
-        await asyncio.sleep(2.0)
-        assert bench.frames[-1] == b"$pwm:0,0,0,0#"
-
-
-@on_virtual_time
 async def test_a_flood_of_commands_runs_a_bounded_number_of_steps(tmp_path: Path) -> None:
     async with robot(tmp_path) as bench:
         await bench.ready()
         steps = steps_of(bench.controller)
-        for number in range(20_000):
+        for number in range(5_000):
             bench.command(0.3 + (number % 2) * 0.01)
             if number % 20 == 0:
                 await asyncio.sleep(0.001)
         # 50 a second by schedule, 500 a second for commands.
-        assert len(steps) < 600
+        assert len(steps) < 150
 
 
 @on_virtual_time
@@ -404,27 +301,6 @@ async def test_a_car_drives_its_tightest_curve_where_the_command_is_tighter(tmp_
             (truth.x, truth.y, truth.theta), abs=0.01
         )
         assert truth.theta > 2.0
-
-
-@on_virtual_time
-async def test_a_car_does_not_turn_on_the_spot_and_counts_what_it_was_asked(tmp_path: Path) -> None:
-    async with robot(tmp_path, *CAR) as bench:
-        await bench.ready()
-        await bench.drive(1.0, 0.0, 1.0)
-        assert bench.standing
-        assert bench.robot.truth(bench.clock.now_ns()).pose.theta == 0.0
-        assert bench.controller.status_values()["too_tight"] >= 40
-
-
-@on_virtual_time
-async def test_a_car_beyond_its_limits_is_slower_on_the_same_curve(tmp_path: Path) -> None:
-    async with robot(tmp_path, *CAR, "limits.linear.velocity=0.2") as bench:
-        await bench.ready()
-        await bench.drive(2.0, 0.4, 1.0)
-        left, right = bench.rim_speeds
-        assert (left + right) / 2.0 == pytest.approx(0.2, abs=0.02)
-        assert (right - left) / 0.15 == pytest.approx(0.5, abs=0.08)
-        assert bench.controller.status_values()["limited"] >= 60
 
 
 @on_virtual_time

@@ -5,14 +5,13 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import Counter
-from pathlib import Path
 from typing import Any
 
 import msgspec
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from robot_bench import Heard, RobotBench
+from robot_bench import Heard
 
 from yahboomd.core.daemon.publisher import EVENTS_A_SECOND, Events, Pace, Publisher
 from yahboomd.core.daemon.stamps import WallStamps
@@ -41,18 +40,6 @@ class Gate:
         self.heard = Heard()
         self.counters: Counter[str] = Counter()
         self.events = Events(LoopClock(), self.heard, self.counters)
-
-
-@on_virtual_time
-async def test_a_flood_of_one_kind_of_event_is_bounded_and_counted(tmp_path: Path) -> None:
-    async with RobotBench(tmp_path) as bench:
-        await bench.ready()
-        for _ in range(1000):
-            bench.operator.refuse_release("a flood")
-        await asyncio.sleep(1.1)
-        bench.operator.refuse_release("a flood")
-        assert bench.heard.kinds.count("estop_release_refused") == 6
-        assert bench.controller.counters["events_suppressed"] == 995
 
 
 @on_virtual_time
@@ -220,6 +207,7 @@ async def test_samples_of_the_sensor_are_numbered_and_stamped_in_order_beside_th
     assert publisher.newest("yahboomd/imu").seq == 3
 
 
+@settings(max_examples=30)
 @given(st.lists(st.integers(min_value=1, max_value=40), min_size=50, max_size=200))
 def test_the_pace_is_never_exceeded_in_the_long_run(steps: list[int]) -> None:
     pace = Pace(20 * MS)

@@ -68,17 +68,6 @@ async def test_engaging_again_says_the_stop_again(tmp_path: Path) -> None:
 
 
 @on_virtual_time
-async def test_a_release_where_nothing_is_engaged_does_no_harm(tmp_path: Path) -> None:
-    async with RobotBench(tmp_path) as bench:
-        await bench.ready()
-        assert bench.operator.release_estop() == (
-            True,
-            "Nothing to release: no e-stop, no fault.",
-        )
-        assert "estop_released" not in bench.heard.kinds
-
-
-@on_virtual_time
 async def test_a_refused_release_is_counted_and_reported(tmp_path: Path) -> None:
     async with RobotBench(tmp_path) as bench:
         words = bench.operator.refuse_release("A sample")
@@ -124,6 +113,7 @@ async def test_one_release_opens_the_latch_and_clears_the_fault(tmp_path: Path) 
         assert bench.controller.state()[0] == "standing"
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("copies", [2, 32])
 @on_virtual_time
 async def test_no_copy_of_a_release_releases_what_was_engaged_after_it(
@@ -314,6 +304,7 @@ async def test_the_newest_sample_is_answered_as_it_is_published(tmp_path: Path) 
         assert before_the_first["message"] == "There was no sample on yahboomd/pose yet."
 
 
+@pytest.mark.cases(3)
 @pytest.mark.parametrize("payload", [b"", b"\xff", b'{"engaged": true}', b'{"engaged": 0}', b"{}"])
 @pytest.mark.parametrize("way", ["sample", "query"])
 @on_virtual_time
@@ -352,6 +343,7 @@ async def test_a_payload_too_large_to_be_read_engages(tmp_path: Path) -> None:
         assert "too long to be read" in words
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("key", [keys.ESTOP, keys.ESTOP_RESET, keys.ODOMETRY_RESET])
 @pytest.mark.parametrize("head", [cdr.HEADER_LE, b"\x00\x00\x00\x00"])
 @on_virtual_time
@@ -553,6 +545,7 @@ async def test_the_estop_of_a_group_stops_its_robots_and_neither_releases_nor_na
         assert "/farm/yahboomd/estop/reset" not in bus.options
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize(
     ("addresses", "words"),
     [

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import io
-import itertools
 import json
 import logging
 import socket
@@ -159,27 +158,16 @@ async def test_every_native_key_carries_its_one_type_and_encoding_with_its_qos(
         (reply,) = await asyncio.to_thread(lambda key=key: list(running.session.get(f"bot1/{key}")))
         assert reply.ok.priority == PRIORITIES["data"]
         assert reply.ok.congestion_control == zenoh.CongestionControl.BLOCK
-
-
-async def test_pose_stamps_and_numbers_rise(running: Running) -> None:
-    await running.state("standing")
-    await eventually(lambda: len(running.samples.get("pose", [])) > 30)
-    poses = running.decoded("pose")
-    assert all(b["stamp_ns"] > a["stamp_ns"] for a, b in itertools.pairwise(poses))
-    assert all(b["seq"] > a["seq"] for a, b in itertools.pairwise(poses))
-
-
-async def test_a_command_below_the_namespace_moves_the_wheels(running: Running) -> None:
-    await running.state("standing")
-    await running.drive()
-    await eventually(lambda: running.decoded("pose")[-1]["x"] > 0.05)
+    alive = running.session.liveliness().get("bot1/yahboomd/alive", timeout=PATIENCE_S)
+    replies = await asyncio.to_thread(list, alive)
+    assert [str(reply.ok.key_expr) for reply in replies] == ["bot1/yahboomd/alive"]
 
 
 def fastest_m_s(running: Running) -> float:
     return max(abs(motor.speed_m_s) for motor in running.robot.plant.motors)
 
 
-HELD_S = 10.0
+HELD_S = 3.0
 """The time for which a thread that others must not wait for is held."""
 
 
@@ -197,6 +185,7 @@ async def follow_and_stop(running: Running) -> None:
     await running.drive()
 
 
+@pytest.mark.nightly
 async def test_a_velocity_beyond_all_robots_is_refused_and_counted_and_the_daemon_lives(
     running: Running,
 ) -> None:
@@ -211,6 +200,7 @@ async def test_a_velocity_beyond_all_robots_is_refused_and_counted_and_the_daemo
     await follow_and_stop(running)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("error", [RuntimeError("x"), OSError(28, "No space left on device")])
 async def test_what_only_records_may_fail_and_the_wheels_follow_and_stop(
     running: Running, error: Exception
@@ -259,6 +249,7 @@ class BrokenPlane:
         raise RuntimeError("no such graph")
 
 
+@pytest.mark.nightly
 async def test_a_plane_that_does_not_start_is_reported_and_the_wheels_follow_and_stop(
     tmp_path: Path,
 ) -> None:
@@ -277,6 +268,7 @@ async def test_a_plane_that_does_not_start_is_reported_and_the_wheels_follow_and
         await running.end()
 
 
+@pytest.mark.nightly
 async def test_a_black_box_that_cannot_be_made_is_reported_and_the_wheels_follow_and_stop(
     tmp_path: Path,
 ) -> None:
@@ -305,7 +297,7 @@ async def test_a_black_box_that_cannot_be_made_is_reported_and_the_wheels_follow
 async def test_a_bus_and_a_log_that_take_nothing_hold_up_neither_command_nor_stop(
     running: Running,
 ) -> None:
-    """The threads of the bus and of the log are held for ten seconds, while it drives and stops."""
+    """The threads of the bus and of the log are held for seconds, while it drives and stops."""
     await running.state("standing")
     held, gate = threading.Event(), threading.Event()
 
@@ -351,25 +343,13 @@ async def test_a_command_outside_the_namespace_moves_nothing(running: Running) -
     assert running.decoded("status")[-1]["command"].get("received", 0) == 0
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("payload", [b"", b"anything", b'{"engaged": true}', b"\x00" * 9000])
 async def test_any_payload_on_the_estop_key_engages_it(running: Running, payload: bytes) -> None:
     await running.state("standing")
     running.session.put("bot1/yahboomd/estop", payload)
     status = await running.state("estopped")
     assert "Emergency stop" in status["why"]
-
-
-async def test_a_release_on_the_estop_key_is_refused_and_counted(running: Running) -> None:
-    await running.state("standing")
-    running.session.put("bot1/yahboomd/estop", b'{"engaged": false}')
-    await eventually(
-        lambda: any(each["kind"] == "estop_release_refused" for each in running.decoded("events"))
-    )
-    answer = await running.ask("yahboomd/estop", b'{"engaged": false}')
-    assert not answer["success"]
-    # A status from before the second release still has 1.
-    await eventually(lambda: running.decoded("status")[-1]["command"]["release_refused"] > 1)
-    assert running.decoded("status")[-1]["command"]["release_refused"] == 2
 
 
 async def test_the_services_do_what_they_say(running: Running) -> None:
@@ -393,16 +373,6 @@ async def test_the_services_do_what_they_say(running: Running) -> None:
     assert config["data"]["zenoh"]["namespace"] == "bot1"
     board = await running.ask("yahboomd/board")
     assert board["data"]["version"] == "1.7.3"
-
-
-async def test_the_alive_token_is_there_while_it_runs(running: Running) -> None:
-    await running.state("standing")
-
-    def alive() -> list[str]:
-        replies = running.session.liveliness().get("bot1/yahboomd/alive", timeout=PATIENCE_S)
-        return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
-
-    assert await asyncio.to_thread(alive) == ["bot1/yahboomd/alive"]
 
 
 async def test_the_end_leaves_the_wheels_at_rest_and_no_task(running: Running) -> None:
@@ -430,6 +400,7 @@ async def test_an_error_in_a_task_stops_the_wheels_and_ends_the_daemon(
     assert max(abs(motor.speed_m_s) for motor in running.robot.plant.motors) < 0.03
 
 
+@pytest.mark.nightly
 async def test_a_bus_that_cannot_be_opened_is_reported_without_a_traceback(tmp_path: Path) -> None:
     config = read(
         None,
@@ -522,6 +493,7 @@ async def test_a_control_loop_that_stands_still_feeds_no_watchdog_though_all_els
         await running.end()
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", ["supervisor", "control", "status"])
 async def test_a_task_that_is_cancelled_alone_ends_the_daemon_with_the_wheels_at_rest(
     running: Running, name: str

@@ -84,6 +84,7 @@ def test_a_process_that_dies_between_pulses_is_let_alone(port: tuple[int, int]) 
     assert written(port[0]) == b""
 
 
+@pytest.mark.nightly
 def test_a_guard_that_is_closed_in_order_writes_nothing_and_ends(port: tuple[int, int]) -> None:
     guard = Guard.start(port[1], STOP)
     guard.mark(True)
@@ -93,6 +94,7 @@ def test_a_guard_that_is_closed_in_order_writes_nothing_and_ends(port: tuple[int
     assert written(port[0]) == b""
 
 
+@pytest.mark.nightly
 def test_signals_of_the_terminal_do_not_end_it(port: tuple[int, int]) -> None:
     process = subprocess.Popen(
         [sys.executable, "-c", WATCHED, str(port[1]), "+"],
@@ -109,6 +111,7 @@ def test_signals_of_the_terminal_do_not_end_it(port: tuple[int, int]) -> None:
     assert written(port[0]).startswith(STOP)
 
 
+@pytest.mark.nightly
 def test_without_the_guard_there_is_no_pulse(port: tuple[int, int]) -> None:
     closed = Guard.start(port[1], STOP)
     closed.close()
@@ -123,6 +126,7 @@ def test_without_the_guard_there_is_no_pulse(port: tuple[int, int]) -> None:
     os.close(port[1])
 
 
+@pytest.mark.nightly
 def test_a_port_that_is_gone_is_no_error(port: tuple[int, int]) -> None:
     far, fd = os.pipe()
     os.close(far)
@@ -133,6 +137,7 @@ def test_a_port_that_is_gone_is_no_error(port: tuple[int, int]) -> None:
     assert process.returncode == -signal.SIGKILL
 
 
+@pytest.mark.nightly
 def test_a_guard_whose_port_went_away_lets_it_go_and_stops_nothing_that_is_seen_to(
     port: tuple[int, int],
 ) -> None:

@@ -121,6 +121,7 @@ async def test_a_board_that_never_tells_everything_is_not_moved() -> None:
         await settings_from(*[b"read_flash:OK!\r\nMotor_type:1\r\n"] * 20)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("seed", range(5))
 @on_virtual_time
 async def test_a_noisy_line_never_leads_to_wrong_settings(seed: int) -> None:

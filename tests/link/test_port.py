@@ -153,6 +153,7 @@ async def test_a_second_owner_is_refused_and_the_first_is_named(
     assert "stop the other one" in str(caught.value)
 
 
+@pytest.mark.nightly
 async def test_the_holder_in_another_process_is_named(device: Device) -> None:
     code = (
         "import os, fcntl, sys; fd = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY);"

@@ -135,13 +135,3 @@ def test_a_damaged_note_is_left_out(tmp_path: Path, text: str) -> None:
     (tmp_path / "port").write_bytes(text.encode("utf-8", "surrogateescape"))
 
     assert read(str(tmp_path)) == []
-
-
-def test_reading_it_loads_nothing_that_takes_long() -> None:
-    code = (
-        "import sys; import yahboomd.core.link.port_note; "
-        "print(*sorted({'asyncio', 'pydantic', 'zenoh', 'msgspec', 'serial'} & set(sys.modules)))"
-    )
-    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-
-    assert ran.stdout.strip() == ""

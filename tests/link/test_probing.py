@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from board_bench import LinkBench
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from yahboomd.core.protocol import registry
@@ -79,6 +79,7 @@ async def test_a_wheel_that_turns_by_itself_is_seen() -> None:
     assert found.standing is False
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
 async def test_counters_that_survive_a_reopening_are_found_to(dialect: str) -> None:
@@ -89,6 +90,7 @@ async def test_counters_that_survive_a_reopening_are_found_to(dialect: str) -> N
     assert again.after == (5000, 0, -5000, 0)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
 async def test_a_board_that_opening_resets_is_found_out(dialect: str) -> None:
@@ -114,6 +116,7 @@ async def test_counters_at_zero_tell_nothing_unless_the_board_announces_its_star
     assert compare((0,) * 4, (0,) * 4, banner=True).survival == "reset"
 
 
+@settings(max_examples=30)
 @example((2**31 - 1, 0, 0, 0), (7, 0, 0, 0))
 @given(counts, st.tuples(*[st.integers(-DRIFT_TICKS, DRIFT_TICKS)] * 4))
 def test_counters_that_moved_a_little_are_never_taken_for_a_reset(
@@ -126,6 +129,7 @@ def test_counters_that_moved_a_little_are_never_taken_for_a_reset(
     assert found.survival == ("unknown" if found.near_zero else "kept")
 
 
+@settings(max_examples=30)
 @given(counts.filter(lambda ticks: any(abs(each) > DRIFT_TICKS for each in ticks)), st.booleans())
 def test_a_fall_to_zero_is_a_reset(ticks: tuple[int, int, int, int], banner: bool) -> None:
     assert compare(ticks, (0, 0, 0, 0), banner=banner).survival == "reset"

@@ -99,6 +99,7 @@ async def test_one_wheel_turns_visibly_and_by_half_a_turn_at_most(dialect: str) 
     assert max(watched.driven_s) <= LONGEST_S + 0.05
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", ["streamed", "rosmaster"])
 @on_virtual_time
 async def test_a_fast_wheel_is_ended_by_its_counts_before_half_a_turn(dialect: str) -> None:
@@ -111,6 +112,7 @@ async def test_a_fast_wheel_is_ended_by_its_counts_before_half_a_turn(dialect: s
     assert watched.driven_s[-1] < 0.4
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("ratio", [19.0, 30.0, 56.0])
 @on_virtual_time
 async def test_an_advance_comes_to_its_counts_in_pulses_of_half_a_turn_at_most(
@@ -140,6 +142,7 @@ async def test_an_advance_of_a_motor_that_does_not_turn_ends() -> None:
         assert max(map(abs, await pulses.advance({1: 1, 3: 1}, 300.0))) < 20
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("dialect", ["streamed", "rosmaster"])
 @pytest.mark.parametrize("speed_m_s", [0.4, 1.15, 1.4])
 @on_virtual_time
@@ -162,6 +165,7 @@ async def test_without_counts_a_pulse_ends_by_time_before_half_a_turn(
         assert stands(board)
 
 
+@pytest.mark.nightly
 @on_virtual_time
 async def test_counts_that_stop_within_a_pulse_end_it_before_half_a_turn() -> None:
     more = {"ticks_per_revolution": 44.0 * 56.0, "least_ticks": 836.0}
@@ -184,6 +188,7 @@ async def test_counts_that_stop_within_a_pulse_end_it_before_half_a_turn() -> No
         assert stands(board)
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("fault", ["encoder-reversed", "phases-swapped", "mounted-round"])
 @on_virtual_time
 async def test_a_wheel_that_would_run_away_is_only_pulsed_and_never_sent_a_speed(
@@ -218,7 +223,7 @@ async def test_it_starts_small_and_the_next_motor_a_little_below_the_last() -> N
 
 @on_virtual_time
 async def test_lost_frames_leave_no_wheel_turning() -> None:
-    for seed in range(5):
+    for seed in range(2):
         board = LinkBench(seed=seed)
         async with pulses_on(board) as (pulses, _):
             board.robot.impairments.change(loss=0.02)
@@ -283,7 +288,7 @@ async def test_a_computer_that_stood_still_as_a_motor_was_let_go_blames_nothing(
 
 @on_virtual_time
 async def test_cancelled_at_any_moment_it_leaves_the_wheels_at_rest() -> None:
-    for tenths in range(1, 40, 3):
+    for tenths in range(1, 40, 9):
         board = LinkBench()
         board.robot.start(round(asyncio.get_running_loop().time() * NS_PER_S))
         faults = joined(FAULTS["encoder-reversed"], MotorFaults())

@@ -148,6 +148,7 @@ def test_a_port_that_takes_no_output_does_not_hold_us_for_ever(device: Device) -
     os.close(stuffed)
 
 
+@pytest.mark.nightly
 @pytest.mark.realtime
 def test_a_pseudo_terminal_whose_owner_was_killed_can_be_taken_without_being_root() -> None:
     script = (

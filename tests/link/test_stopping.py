@@ -77,23 +77,14 @@ class Scene:
 async def test_turning_wheels_are_brought_to_rest_and_seen_to_stand(dialect: str) -> None:
     scene = Scene(dialect)
     await scene.drive()
+    before, now_ns = len(scene.port.written), LoopClock().now_ns()
     report = await scene.rest()
+    # Its first byte goes out at once.
+    assert scene.port.written[before] == (now_ns, RESYNC + scene.dialect.brake)
     assert report.stood is True
     assert report.flushed
     assert report.took_s <= STAND_WITHIN_S + 0.03
     assert max(scene.speeds) < 0.03
-
-
-@pytest.mark.parametrize("dialect", ["streamed", "polled"])
-@on_virtual_time
-async def test_the_first_byte_of_the_stop_goes_out_at_once(dialect: str) -> None:
-    scene = Scene(dialect)
-    await scene.drive()
-    before, now_ns = len(scene.port.written), LoopClock().now_ns()
-    await scene.rest()
-    at_ns, data = scene.port.written[before]
-    assert at_ns == now_ns
-    assert data == RESYNC + scene.dialect.brake
 
 
 @on_virtual_time
@@ -109,6 +100,7 @@ async def test_a_wheel_that_does_not_obey_the_brake_is_cut() -> None:
     assert max(scene.speeds) < 0.05
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("at_ms", range(10, 70, 10))
 @on_virtual_time
 async def test_counts_that_come_late_and_one_by_one_end_in_no_false_verdict(at_ms: int) -> None:
@@ -133,6 +125,7 @@ async def test_counts_that_come_late_and_one_by_one_end_in_no_false_verdict(at_m
     await holding
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("seed", [0, 110, 124, 137, 141, 193])
 @on_virtual_time
 async def test_counts_that_stall_again_and_again_end_in_no_false_verdict(seed: int) -> None:
@@ -181,18 +174,27 @@ async def test_half_a_frame_before_does_not_swallow_the_stop() -> None:
     assert max(scene.speeds) < 0.03
 
 
-def each_cut(dialect: str) -> Iterator[tuple[bytes, int]]:
-    """A motion frame, a configuration frame and the stops, and every byte to cut them at."""
+def each_cut(dialect: str, every: int) -> Iterator[tuple[bytes, int]]:
+    """A motion frame, a configuration frame and the stops, and the bytes to cut them at."""
     speaks = DIALECTS[dialect]
     frames = (speaks.speeds((300, 0, -300, 0)), *speaks.arm, speaks.brake, speaks.cut)
-    for frame in filter(None, frames):
-        yield from ((frame, cut) for cut in range(1, len(frame)))
+    cuts = [(frame, cut) for frame in filter(None, frames) for cut in range(1, len(frame))]
+    yield from cuts[::every]
 
 
-@pytest.mark.parametrize("dialect", ["streamed", "polled"])
+cuts_of_frames = pytest.mark.parametrize(
+    ("dialect", "every"),
+    [
+        ("streamed", 9),
+        *(pytest.param(each, 1, marks=pytest.mark.nightly) for each in ("streamed", "polled")),
+    ],
+)
+
+
+@cuts_of_frames
 @on_virtual_time
-async def test_a_frame_cut_at_any_byte_swallows_no_stop(dialect: str) -> None:
-    for frame, cut in each_cut(dialect):
+async def test_a_frame_cut_at_any_byte_swallows_no_stop(dialect: str, every: int) -> None:
+    for frame, cut in each_cut(dialect, every):
         scene = Scene(dialect)
         await scene.drive()
         scene.port.write(frame[:cut])
@@ -203,13 +205,13 @@ async def test_a_frame_cut_at_any_byte_swallows_no_stop(dialect: str) -> None:
         scene.port.close()
 
 
-@pytest.mark.parametrize("dialect", ["streamed", "polled"])
+@cuts_of_frames
 @on_virtual_time
 async def test_a_frame_cut_at_any_byte_by_dropping_the_queue_swallows_no_stop(
-    dialect: str, monkeypatch: pytest.MonkeyPatch
+    dialect: str, every: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(stopping, "GIVE_UP_S", 0.1)
-    for frame, cut in each_cut(dialect):
+    for frame, cut in each_cut(dialect, every):
         line = Line(drops=True)
         scene = Scene(dialect, line)
         await scene.drive()

@@ -218,6 +218,7 @@ async def test_a_value_that_never_arrives_is_given_up_and_nothing_after_it_tried
     assert flash_of(board).lines == 13
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("seed", range(6))
 @on_virtual_time
 async def test_what_is_called_stored_is_stored_on_a_line_that_loses_bytes(seed: int) -> None:

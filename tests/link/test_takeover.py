@@ -55,6 +55,7 @@ async def test_it_leaves_with_the_motors_let_go_and_the_stream_off() -> None:
     assert all(motor.pwm == 0 for motor in board.robot.plant.motors)
 
 
+@pytest.mark.cases(3)
 @pytest.mark.parametrize("fault", ["encoder-dead", "encoder-reversed", "phases-swapped"])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
@@ -137,6 +138,7 @@ async def test_a_board_that_is_deaf_while_it_writes_its_flash_is_stopped_afterwa
     assert max(map(abs, board.rim_speeds)) < 0.03
 
 
+@pytest.mark.cases(3)
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time

@@ -254,14 +254,6 @@ def test_a_remembered_latch_is_logged_with_its_remedy(
     assert "yahboomd stop --release" in words
 
 
-def test_engaging_twice_is_news_once(tmp_path: Path) -> None:
-    latch = EstopLatch(LatchFile(tmp_path / "estop"), 0)
-    assert latch.engage("one", 1)
-    assert not latch.engage("two", 2)
-    assert latch.latched is not None
-    assert latch.latched.by == "one"
-
-
 def test_a_release_forgets_the_file(tmp_path: Path) -> None:
     latch = EstopLatch(LatchFile(tmp_path / "estop"), 0)
     latch.engage("one", 1)
@@ -333,6 +325,7 @@ def test_a_file_that_is_removed_too_late_is_written_again(
     assert EstopLatch(LatchFile(tmp_path / "estop"), 2).engaged
 
 
+@pytest.mark.nightly
 def test_with_all_descriptors_taken_it_is_answered_that_the_latch_is_not_on_file(
     tmp_path: Path,
 ) -> None:

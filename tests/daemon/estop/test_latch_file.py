@@ -144,6 +144,7 @@ def named(folder: Path, port: str, namespace: str = "") -> LatchFile:
     return LatchFile(folder / name, port=port)
 
 
+@pytest.mark.cases(3)
 @pytest.mark.parametrize(
     ("one", "other"),
     [
@@ -189,6 +190,7 @@ def test_the_latch_of_another_namespace_is_another_robots(
     assert named(tmp_path, other, "b").load() is None
 
 
+@pytest.mark.cases(3)
 @pytest.mark.parametrize("port", ["/dev/x", "/tmp/board"])
 @pytest.mark.parametrize(("before", "after"), [("a", "b"), ("", "b"), ("a", "")])
 def test_a_robot_with_a_new_name_is_still_stopped_on_the_port_that_both_configurations_name(
