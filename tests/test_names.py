@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 import zenoh
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from yahboomd.core.names import (
@@ -30,6 +30,7 @@ def test_usual_names_are_accepted():
         assert name_problem(name) is None, name
 
 
+@settings(max_examples=30)
 @given(CHUNKS)
 def test_zenoh_takes_every_name_that_is_accepted(name):
     if name_problem(name) is None:

@@ -39,6 +39,7 @@ def units(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.cases(2)
 @needs_analyze
 @pytest.mark.parametrize(
     "unit", ["yahboomd.service", "yahboomd@front.service", METRICS, MOVES, WEB]
@@ -55,6 +56,7 @@ def test_systemd_finds_nothing_to_say_about_the_unit(units: Path, unit: str) -> 
     assert ran.returncode == 0
 
 
+@pytest.mark.cases(2)
 @needs_analyze
 @pytest.mark.parametrize("unit", [*UNITS, METRICS, MOVES, WEB])
 def test_the_service_is_exposed_to_little(unit: str) -> None:

@@ -8,6 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from yahboomd import RELEASE
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -35,6 +37,7 @@ def test_a_source_that_was_never_built_says_so(tmp_path: Path) -> None:
     assert version_beside(tmp_path, None) == f"{RELEASE}+source"
 
 
+@pytest.mark.nightly
 def test_a_commit_has_another_version_than_the_tag_and_the_commit_before(tmp_path: Path) -> None:
     def run(*command: str) -> str:
         words = [sys.executable, "-m", "hatchling"] if command[0] == "version" else ["git"]

@@ -81,7 +81,7 @@ def test_a_later_format_is_refused_with_a_remedy(memory, header):
         read_box(later + image[len(later) :])
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(seed=st.integers(0, 2**32), damages=st.integers(1, 30))
 def test_no_damage_raises_anything_else(memory, seed, damages):
     chance = random.Random(seed)
@@ -142,7 +142,7 @@ def test_a_header_with_any_flipped_bit_is_read_or_refused() -> None:
     data = ring_of((1.0, Received(data=b"$MAll:1,2,3,4#")), (0.5, Ended(reasons=("crash",))))
     words = PREFIX.size + PREFIX.unpack_from(data)[2]
     for at in range(words):
-        for bit in range(8):
+        for bit in (at % 8, (at + 5) % 8):
             flipped = bytearray(data)
             flipped[at] ^= 1 << bit
             with contextlib.suppress(NotABox):
@@ -154,7 +154,7 @@ def test_segments_with_flipped_bits_are_read_as_far_as_they_are_whole() -> None:
     data = ring_of((1.0, Received(data=b"$MAll:1,2,3,4#")), (0.5, Ended(reasons=("crash",))))
     begin = PREFIX.unpack_from(data)[1]
     for at in range(begin, begin + 120):
-        for bit in range(8):
+        for bit in (at % 8, (at + 5) % 8):
             flipped = bytearray(data)
             flipped[at] ^= 1 << bit
             read_box(bytes(flipped))

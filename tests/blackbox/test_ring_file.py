@@ -119,6 +119,7 @@ except OSError as error:
 """
 
 
+@pytest.mark.nightly
 def test_a_lack_of_room_is_an_error_at_the_start_and_no_signal_later(tmp_path):
     """A store into a file without room would end the daemon by SIGBUS."""
     ran = subprocess.run(
@@ -126,11 +127,6 @@ def test_a_lack_of_room_is_an_error_at_the_start_and_no_signal_later(tmp_path):
     )
     assert int(ran.stdout) == errno.EFBIG, ran.stderr
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_folder_that_is_not_there_is_an_error(tmp_path, header):
-    with pytest.raises(FileNotFoundError):
-        RingFile(tmp_path / "missing", header)
 
 
 def test_rings_are_in_memory_and_never_on_a_disk(tmp_path):
@@ -151,6 +147,7 @@ def test_what_is_no_ring_is_left_alone(tmp_path, header):
     assert (tmp_path / "estop").exists()
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("cut", ["truncated", "emptied", "overwritten", "removed"])
 def test_a_file_that_another_process_cuts_costs_records_only(tmp_path, header, cut):
     """A mapping of it would end the process (SIGBUS)."""
@@ -188,6 +185,7 @@ def strange_thing(folder: Path, kind: str) -> None:
         os.mknod(path, stat.S_IFSOCK | 0o600)
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("kind", ["pipe", "folder", "link", "huge", "socket"])
 def test_what_only_has_the_name_of_a_ring_is_not_read(tmp_path, header, kind):
     strange_thing(tmp_path, kind)
