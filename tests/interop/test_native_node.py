@@ -15,8 +15,6 @@ from yahboomd.ros2.messages import ros2_encoders, ros2_names
 pytestmark = [pytest.mark.realtime, pytest.mark.nightly]
 
 DISTRO = "jazzy"
-TRIGGERS = ("yahboomd/estop/reset", "yahboomd/odometry/reset")
-SERVICES = {"yahboomd/estop": ros2_names.SET_BOOL, **dict.fromkeys(TRIGGERS, ros2_names.TRIGGER)}
 BEST_EFFORT = ros2_names.Qos(reliable=False, depth=5)
 
 
@@ -71,25 +69,6 @@ class Us:
     def commands(self, got):
         self.announce("MS", "cmd_vel", ros2_names.TWIST, BEST_EFFORT)
         return self.session.declare_subscriber(self.key("cmd_vel", ros2_names.TWIST), got.append)
-
-    def serve(self, asked):
-        """Answers the services, each reply with its request's attachment; notes the requests."""
-
-        def answer(query):
-            asked.append((str(query.key_expr).split("/std_srvs")[0], query.payload.to_bytes()))
-            attached = ros2_names.parse_attachment(query.attachment.to_bytes())
-            query.reply(
-                str(query.key_expr),
-                cdr.service_response(True, "as you wish"),
-                attachment=ros2_names.attachment(attached.sequence, time.time_ns(), attached.gid),
-            )
-
-        for name, ros_type in SERVICES.items():
-            self.announce("SS", name, ros_type, ros2_names.Qos())
-        return [
-            self.session.declare_queryable(self.key(name, ros_type), answer, complete=True)
-            for name, ros_type in SERVICES.items()
-        ]
 
 
 @pytest.fixture(params=["client", "router"])
@@ -148,49 +127,6 @@ def test_commands_arrive_with_their_attachment(us, native_node, eventually):
     assert second.sequence == first.sequence + 1
     assert second.gid == first.gid
     assert abs(time.time_ns() - first.stamp_ns) < 60_000_000_000
-
-
-def test_the_node_and_all_that_is_its_shows_in_the_graph(us, native_node, eventually, spoken):
-    for topic, message in spoken.items():
-        us.publisher(topic, message)
-    got = []
-    _commands = us.commands(got)
-    _services = us.serve([])
-
-    def seen():
-        graph = native_node.graph()
-        served = {s["name"] for s in graph["services"]}
-        return graph if {f"/{name}" for name in SERVICES} <= served else None
-
-    graph = eventually(seen, "our services")
-    assert {"name": "yahboomd", "namespace": "/"} in graph["nodes"]
-    topics = {t["name"]: t for t in graph["topics"]}
-    for topic, message in spoken.items():
-        assert topics[topic]["type"] == ros2_names.dds_type(message.ros_type)
-        assert topics[topic]["publishers"] == 1
-    assert topics["/cmd_vel"]["subscribers"] == 1
-    types = {s["name"]: s["type"] for s in graph["services"]}
-    for name, ros_type in SERVICES.items():
-        assert types[f"/{name}"] == ros2_names.dds_type(ros_type)
-
-
-def test_a_node_that_starts_late_gets_the_static_frames(us, request, spoken):
-    publish = us.publisher("/tf_static", spoken["/tf_static"])
-    publish()
-    native_node = request.getfixturevalue("native_node")
-    assert native_node.message("/tf_static") == spoken["/tf_static"].read
-
-
-def test_services_are_asked_and_answered(us, native_node):
-    asked = []
-    _services = us.serve(asked)
-    done = {"success": True, "message": "as you wish"}
-    assert native_node.call("/yahboomd/estop", data=True)["reply"] == done
-    assert native_node.call("/yahboomd/estop", data=False)["reply"] == done
-    for key in TRIGGERS:
-        assert native_node.call(f"/{key}")["reply"] == done
-    assert [cdr.decode_bool(payload) for _, payload in asked[:2]] == [True, False]
-    assert [key for key, _ in asked] == [f"0/{k}" for k in ("yahboomd/estop",) * 2 + TRIGGERS]
 
 
 def test_two_nodes_get_every_sample(us, start_native_node, spoken):
