@@ -271,20 +271,6 @@ async def test_a_viewer_may_look_and_without_a_session_nobody_does(site: Start) 
 
 
 @pytest.mark.realtime
-async def test_five_pages_share_one_connection_to_the_camera(site: Start) -> None:
-    async with CameraOnSocket() as camera:
-        served = await site(endpoint=free_endpoint(), camera=camera.address)
-        looks = [await Look(served).__aenter__() for _ in range(5)]
-        await eventually(lambda: camera.writers)
-        camera.send(jpeg(1))
-        assert [await look.picture() for look in looks] == [jpeg(1)] * 5
-        assert len(camera.asked) == 1
-        for look in looks:
-            await look.socket.close()
-        await eventually(lambda: not camera.writers)
-
-
-@pytest.mark.realtime
 async def test_a_page_that_reads_no_picture_delays_neither_others_nor_the_estop(
     fake_daemon: Any, site: Start
 ) -> None:

@@ -20,9 +20,7 @@ async def test_a_command_runs_to_its_end_without_a_shell() -> None:
     status, printed, last_words = await output_of(["config", "show; echo no", "$(id)"])
     assert status == 2
     assert "uid=" not in printed + last_words
-
-
-async def test_what_it_complains_of_is_kept_without_the_programs_name() -> None:
+    # What it complains of is kept, without the program's name.
     status, _, last_words = await output_of(["config", "check", "--config=/none"])
     assert status == 78
     assert last_words.startswith("The configuration has a mistake:\n/none")

@@ -41,7 +41,8 @@ def boxes(tmp_path: Path) -> PageBoxes:
     return PageBoxes(StillClock(), [f"--set=blackbox.folder={folder}"])  # type: ignore[arg-type]
 
 
-async def test_boxes_are_listed_without_their_paths(boxes: PageBoxes) -> None:
+async def test_no_name_leads_to_another_file_or_option(boxes: PageBoxes) -> None:
+    """And they are listed without their paths."""
     listed = await boxes.listed()
     # This machine may have others.
     (box,) = [each for each in listed["boxes"] if each["name"] == NAME]
@@ -49,23 +50,16 @@ async def test_boxes_are_listed_without_their_paths(boxes: PageBoxes) -> None:
     assert box["robot"] == ""
     assert "path" not in box
     assert await boxes.file(NAME) is not None
-
-
-@pytest.mark.parametrize(
-    "name", ["", "..", "../secret", "/etc/passwd", "8", "-h", "--json", "7", NAME + "\n"]
-)
-async def test_no_name_leads_to_another_file_or_option(boxes: PageBoxes, name: str) -> None:
-    assert await boxes.file(name) is None
-    assert await boxes.explained(name) is None
-
-
-async def test_a_file_that_is_no_box_is_said_to_be_none(boxes: PageBoxes) -> None:
+    for name in ("", "..", "../secret", "/etc/passwd", "8", "-h", "--json", "7", NAME + "\n"):
+        assert await boxes.file(name) is None
+        assert await boxes.explained(name) is None
     found = await boxes.explained(NAME)
     assert found is not None
     assert "no black box" in found["why"]
     assert found["lines"] == []
 
 
+@pytest.mark.nightly
 async def test_a_list_is_as_old_as_its_beginning(
     boxes: PageBoxes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -84,6 +78,7 @@ async def test_a_list_is_as_old_as_its_beginning(
     assert await boxes.file(later) is not None
 
 
+@pytest.mark.nightly
 async def test_no_more_than_some_wait_for_their_turn(
     boxes: PageBoxes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -135,6 +130,7 @@ async def test_an_emergency_stop_is_explained_downloaded_and_another_box_saved_o
     assert answer["ok"], answer
 
 
+@pytest.mark.nightly
 async def test_without_a_daemon_nothing_is_saved_and_the_reason_is_named(tmp_path: Path) -> None:
     options = [f"--connect={free_endpoint()}"]
     boxes = PageBoxes(StillClock(), options)  # type: ignore[arg-type]

@@ -139,7 +139,7 @@ async def started(site: Start, robot: RealRobot) -> tuple[Site, Page, dict[str, 
 async def test_the_robot_moves_while_the_button_is_held_and_not_after(
     site: Start, robot: RealRobot, state: Path
 ) -> None:
-    _, page, asked = await started(site, robot)
+    served, page, asked = await started(site, robot)
     before = await asyncio.to_thread(robot.settled_truth)
     thumb = Thumb(page)
     await moving(robot)
@@ -170,8 +170,20 @@ async def test_the_robot_moves_while_the_button_is_held_and_not_after(
     assert not state.exists()
     # The thumb on the joystick, refused during the calibration, has to be lifted first.
     await page.refused("let_go", vx=0.2, vy=0.0, wz=0.0)
+    # A page that leaves in mid-run stops it, and ends the wizard.
+    await page.drive(0.0)
+    assert (await use(page, "calibrate", verb="tape", choices=QUICK))["ok"]
+    await question(page, "hold")
+    Thumb(page)
+    await moving(robot)
+    before = robot.truth()[-1]
+    await page.close()
+    await eventually(lambda: served.hub.tools.calibration.page is None)
+    assert travelled(before, await asyncio.to_thread(robot.settled_truth)) < STOPS_WITHIN_M
+    assert not state.exists()
 
 
+@pytest.mark.nightly
 @pytest.mark.realtime
 async def test_a_whole_calibration_is_written_where_the_robots_daemon_reads_it_and_taken_back(
     site: Start, robot: RealRobot, state: Path
@@ -202,21 +214,6 @@ async def test_a_whole_calibration_is_written_where_the_robots_daemon_reads_it_a
     assert "Taken back" in answer["text"]
     assert not state.exists()
     assert not (await use(page, "undo_calibration"))["ok"]
-
-
-@pytest.mark.realtime
-async def test_a_page_that_leaves_in_mid_run_stops_the_robot_and_ends_the_wizard(
-    site: Start, robot: RealRobot, state: Path
-) -> None:
-    served, page, _ = await started(site, robot)
-    Thumb(page)
-    await moving(robot)
-    before = robot.truth()[-1]
-    await page.close()
-    await eventually(lambda: served.hub.tools.calibration.page is None)
-    stopped = await asyncio.to_thread(robot.settled_truth)
-    assert travelled(before, stopped) < STOPS_WITHIN_M
-    assert not state.exists()
 
 
 @pytest.mark.realtime
@@ -404,6 +401,7 @@ ENDS: dict[str, Callable[[Led], object]] = {
 }
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize(
     ("moment", "way"),
     [*((each, "by control") for each in MOMENTS), (_moving, "by its button"), (_moving, "twice")],
@@ -441,6 +439,7 @@ async def test_a_page_that_falls_silent_in_mid_run_stops_the_robot_and_is_asked_
         await robot.ended()
 
 
+@pytest.mark.nightly
 @on_virtual_time
 async def test_a_robot_that_a_person_pushes_is_driven_by_nothing(tmp_path: Path) -> None:
     async with led(tmp_path) as robot:
@@ -494,6 +493,7 @@ class _FailingClient(BenchClient):
         return super().newest(message)
 
 
+@pytest.mark.nightly
 @on_virtual_time
 async def test_a_mistake_in_a_calibration_stops_the_robot_and_ends_nothing_but_itself(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
@@ -515,6 +515,7 @@ async def test_a_mistake_in_a_calibration_stops_the_robot_and_ends_nothing_but_i
         await robot.wizard.close()
 
 
+@pytest.mark.nightly
 @on_virtual_time
 async def test_while_the_result_is_calculated_the_server_serves_pages(tmp_path: Path) -> None:
     turns = 0

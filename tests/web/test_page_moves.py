@@ -134,7 +134,15 @@ async def engage_the_stop(bench: Bench, page: Page) -> None:
 @realtime
 @pytest.mark.parametrize(
     "loss",
-    [lift, leave, say_nothing, give_way, touch_the_joystick, end_the_server, engage_the_stop],
+    [
+        leave,
+        say_nothing,
+        end_the_server,
+        *(
+            pytest.param(loss, marks=pytest.mark.nightly)
+            for loss in (lift, give_way, touch_the_joystick, engage_the_stop)
+        ),
+    ],
 )
 async def test_whatever_ends_the_hold_ends_the_move(
     bench: Bench, loss: Callable[[Bench, Page], Awaitable[None]]

@@ -132,6 +132,7 @@ async def test_none_begins_where_the_disk_is_nearly_full_or_not_writable(
     assert "cannot be written" in await made(folder).begin()
 
 
+@pytest.mark.nightly
 @pytest.mark.realtime
 async def test_a_recorder_that_finds_no_robot_says_so(folder: Path) -> None:
     recordings = made(folder)

@@ -57,6 +57,7 @@ async def test_a_robot_that_cannot_drive_is_not_calibrated(
     assert served.hub.tools.calibration.page is None
 
 
+@pytest.mark.nightly
 @pytest.mark.realtime
 @pytest.mark.xdist_group("web_tools")
 async def test_recorder_and_wizard_end_with_the_server(

@@ -143,12 +143,9 @@ async def test_a_key_that_is_not_configured_is_barred_even_if_others_listen_to_i
         await eventually(lambda: feed.alive and feed.obstacle() is None)
 
 
-@pytest.mark.parametrize("encoding", ["json", "msgpack"])
-async def test_a_newer_daemon_is_shown_in_a_state_that_no_page_drives_in(
-    fake_daemon: Any, encoding: Any
-) -> None:
+async def test_a_newer_daemon_is_shown_in_a_state_that_no_page_drives_in(fake_daemon: Any) -> None:
     daemon = await fake_daemon()
-    daemon.payloads = daemon_samples.of_version("newer", encoding)
+    daemon.payloads = daemon_samples.of_version("newer", "json")
     async with Followed(daemon.endpoint) as feed:
         await eventually(lambda: "status" in feed.known or feed.fresh().get("status"))
         shown = json.loads(feed.known["status"])["sample"]

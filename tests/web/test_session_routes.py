@@ -12,7 +12,7 @@ from websockets.exceptions import InvalidStatus
 from zenoh_fixtures import eventually, free_endpoint
 
 from yahboomd.web.page_hub import SESSION_ENDED
-from yahboomd.web.session_files import PREFIX, end_stored
+from yahboomd.web.session_files import PREFIX
 
 pytestmark = pytest.mark.realtime
 
@@ -216,20 +216,6 @@ async def test_a_session_that_is_ended_while_its_page_drives_stops_the_robot_fir
     assert anne.socket.close_reason == "The session of this phone was ended by Bert."
     await bert.one("control", page_driver=None)
     await eventually(lambda: daemon.velocities[-1] == ZERO)
-
-
-async def test_a_session_that_the_terminal_ends_stops_the_robot_and_closes_its_page(
-    fake_daemon: Any, site: Any
-) -> None:
-    daemon = await fake_daemon()
-    served = await site(daemon, phones=True)
-    anne = await served.page(name="Anne")
-    await anne.send(type="control", want=True)
-    await anne.press(lambda: daemon.velocities)
-    assert end_stored(served.state, served.sessions.all[0].id)
-    assert await anne.close_code() == SESSION_ENDED
-    await eventually(lambda: daemon.velocities[-1] == ZERO)
-    assert served.sessions.all == []
 
 
 async def test_the_robot_is_stopped_before_anything_else_that_the_page_sent_is_read(

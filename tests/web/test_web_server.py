@@ -43,6 +43,7 @@ async def test_the_estop_is_served_beside_a_thousand_connections_that_say_nothin
             each.close()
 
 
+@pytest.mark.nightly
 async def test_connections_whose_tls_never_begins_are_bounded_and_the_estop_is_served(
     fake_daemon: Any, site: Any, tmp_path: Path
 ) -> None:
@@ -86,27 +87,32 @@ def handshake(served: Any) -> bytes:
     ).encode()
 
 
-@pytest.mark.parametrize(
-    "more", ["Content-Length: 5\r\n", "Transfer-Encoding: chunked\r\n", "A: b\r\n" * 200]
-)
 async def test_a_request_that_becomes_no_page_is_answered_and_its_connection_closed(
-    site: Any, more: str
+    site: Any,
 ) -> None:
-    """Nobody counted it, and it had no deadline: such connections took every open file."""
+    """Such connections were not counted, had no deadline, and took every open file."""
     served = await site(endpoint=free_endpoint())
-    request = handshake(served).removesuffix(b"\r\n") + more.encode() + b"\r\n"
-    async with asyncio.timeout(PATIENCE_S):
-        status, headers, _ = await served.raw(request)
-    assert (status, headers["x-frame-options"]) == (400, "DENY")
+    for more in (b"Content-Length: 5\r\n", b"Transfer-Encoding: chunked\r\n", b"A: b\r\n" * 200):
+        request = handshake(served).removesuffix(b"\r\n") + more + b"\r\n"
+        async with asyncio.timeout(PATIENCE_S):
+            status, headers, _ = await served.raw(request)
+        assert (status, headers["x-frame-options"]) == (400, "DENY")
 
 
-async def test_a_page_that_pings_without_end_and_reads_no_answer_is_cut_off(site: Any) -> None:
-    served = await site(endpoint=free_endpoint())
+def flooding_page(served: Any, limit: int = socket.SO_SNDBUF, size: int = 4096) -> socket.socket:
+    """A page in full flood; what it may send, or has to read, is short."""
     flooding = socket.socket()
-    flooding.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
+    flooding.setsockopt(socket.SOL_SOCKET, limit, size)
     flooding.connect(("127.0.0.1", served.port))
     flooding.sendall(handshake(served))
     flooding.setblocking(False)
+    return flooding
+
+
+@pytest.mark.nightly
+async def test_a_page_that_pings_without_end_and_reads_no_answer_is_cut_off(site: Any) -> None:
+    served = await site(endpoint=free_endpoint())
+    flooding = flooding_page(served, socket.SO_RCVBUF, 2048)
     ping = b"\x89\xfd\0\0\0\0" + b"p" * 125
     loop = asyncio.get_running_loop()
     try:
@@ -118,19 +124,13 @@ async def test_a_page_that_pings_without_end_and_reads_no_answer_is_cut_off(site
         flooding.close()
 
 
-def flooding_page(served: Any) -> socket.socket:
-    flooding = socket.socket()
-    flooding.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
-    flooding.connect(("127.0.0.1", served.port))
-    flooding.sendall(handshake(served))
-    flooding.setblocking(False)
-    return flooding
-
-
 @pytest.mark.parametrize(
     "frame",
-    [b"\x89\x80\0\0\0\0", b"\x8a\x80\0\0\0\0", b"\x00\x80\0\0\0\0"],
-    ids=("ping", "pong", "piece"),
+    [
+        pytest.param(b"\x89\x80\0\0\0\0", id="ping", marks=pytest.mark.nightly),
+        pytest.param(b"\x8a\x80\0\0\0\0", id="pong", marks=pytest.mark.nightly),
+        pytest.param(b"\x00\x80\0\0\0\0", id="piece"),
+    ],
 )
 async def test_a_page_that_floods_with_frames_that_no_page_sends_is_cut_off(
     fake_daemon: Any, site: Any, frame: bytes
@@ -165,6 +165,7 @@ async def test_a_page_that_floods_with_frames_that_no_page_sends_is_cut_off(
     assert (status, json.loads(body)["engaged"]) == (200, True)
 
 
+@pytest.mark.nightly
 async def test_a_page_that_floods_with_emergency_stops_delays_no_other_page(
     fake_daemon: Any, site: Any
 ) -> None:
@@ -194,10 +195,7 @@ async def test_a_page_that_stops_reading_delays_no_other_and_gets_no_old_samples
 ) -> None:
     daemon = await fake_daemon()
     served = await site(daemon)
-    slow = socket.socket()
-    slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
-    slow.connect(("127.0.0.1", served.port))
-    slow.sendall(handshake(served))
+    slow = flooding_page(served, socket.SO_RCVBUF, 2048)
     try:
         page = await served.driver()
         await page.press(lambda: len(daemon.velocities) > 10)
