@@ -284,6 +284,7 @@ async def test_a_server_that_is_killed_in_mid_run_leaves_neither_motion_nor_a_fi
     assert not state.exists()
 
 
+@pytest.mark.nightly
 def test_a_page_may_choose_whatever_the_command_lets_a_person_choose() -> None:
     found = {
         node.words[2]: {flag for option in node.options for flag in option.flags}
