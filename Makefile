@@ -186,7 +186,7 @@ picture: $(VENV)/.dev ## drive the simulated robot, and draw docs/images/path.pn
 	$(PY) make/picture.py $(ARGS)
 
 pictures: $(VENV)/.dev ## the page's pictures in docs/images, in Chromium; or every view and state in four sizes (ARGS=build/pictures: ten minutes)
-	@PYTHONPATH=.:tests/plugins $(PY) make/page_pictures.py $(ARGS)
+	@PYTHONPATH=.:tests/plugins:tests/browser $(PY) make/page_pictures.py $(ARGS)
 
 ##@ Package and system
 .PHONY: arm bundled deb image site release system-test plug-test

@@ -21,7 +21,7 @@ from typing import Any
 import pytest
 from zenoh_fixtures import free_endpoint
 
-HERE = Path(__file__).parents[1] / "interop"
+HERE = Path(__file__).parent
 EXAMPLE = HERE.parents[1] / "examples" / "zenoh-bridge-ros2dds.json5"
 CACHE = (
     Path(

@@ -12,7 +12,7 @@ from pathlib import Path
 from client_programs import CACHE, EXAMPLES, Built, Missing, needs
 
 TYPESCRIPT = EXAMPLES / "typescript"
-GATEWAY = Path(__file__).resolve().parents[1] / "clients" / "gateway"
+GATEWAY = Path(__file__).with_name("gateway")
 PLAYWRIGHT = "playwright-core@1.55.0"
 
 
