@@ -12,18 +12,17 @@ import argparse
 import asyncio
 import math
 import tempfile
-from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from itertools import pairwise
 from pathlib import Path
 from random import Random
 from typing import NamedTuple
 
-from benchmarks.move_bench import TRACK_M, Drive, LateBench, MoveBench
+from move_bench import TRACK_M, Drive, MoveBench
+
 from benchmarks.results import quantile
 from yahboomd.client.move_messages import Move
 from yahboomd.core.model import Pose2d
-from yahboomd.moves.motion.lag_model import in_base
 from yahboomd.moves.motion.move_course import wrapped
 from yahboomd.moves.motion.mover import MoveEnd
 from yahboomd.simulation.virtual_time import run as run_virtual
@@ -299,192 +298,12 @@ def table(results: list[Result], plain: list[Result]) -> str:
     return "\n".join(lines)
 
 
-class Error(NamedTuple):
-    """Of an end: by the truth, by the pose, and of the pose itself.
-
-    Attributes:
-        true_m: Metres from the goal, truly.
-        posed_m: The same by the pose.
-        lost_m: By how much the pose is wrong since the begin.
-    """
-
-    true_m: float
-    posed_m: float
-    lost_m: float
-    reason: str
-    over_s: float
-
-
-async def driven(bench: MoveBench, move: Move, goal: Pose2d) -> Error:
-    """One move, with the true pose of the robot and the pose that it believes."""
-    began, truly = bench.heard.estimates[-1].pose, bench.truth
-    drive = await bench.move([move])
-    pose = bench.heard.estimates[-1].pose
-
-    def since(now: Pose2d, before: Pose2d) -> tuple[float, float]:
-        return in_base(now.x - before.x, now.y - before.y, before.theta)
-
-    wanted, by_pose = since(goal, began), since(pose, began)
-    by_truth = since(drive.end, truly)
-    return Error(
-        true_m=math.dist(by_truth, wanted),
-        posed_m=math.dist(by_pose, wanted),
-        lost_m=math.dist(by_truth, by_pose),
-        reason=drive.ended.reason,
-        over_s=drive.time_s - drive.ideal_s,
-    )
-
-
-async def slipping(preset: str, most: float, seed: int) -> list[Error]:
-    """Ten goals of a robot whose wheels slip."""
-    chance = Random(seed)
-    with tempfile.TemporaryDirectory() as folder:
-        async with MoveBench(Path(folder), preset, 0.1, seed=seed) as bench:
-            await bench.ready()
-            await asyncio.sleep(0.3)
-            bench.slip(0.0, most, seed)
-            found = []
-            for _ in range(10):
-                move = chosen("go_to", chance, bench.heard.estimates[-1].pose)
-                goal = goal_of(move, bench.heard.estimates[-1].pose)
-                found.append(await driven(bench, move, goal))
-            return found
-
-
-async def car(kind: str, lag_s: float, seed: int) -> list[Error]:
-    """Moves of a car that steers."""
-    chance = Random(seed)
-    with tempfile.TemporaryDirectory() as folder:
-        async with MoveBench(Path(folder), "r2", lag_s, seed=seed) as bench:
-            await bench.ready()
-            await asyncio.sleep(0.5)
-            found = []
-            for _ in range(6):
-                pose = bench.heard.estimates[-1].pose
-                move, goal = car_move(kind, chance, pose)
-                found.append(await driven(bench, move, goal))
-            return found
-
-
-def car_move(kind: str, chance: Random, pose: Pose2d) -> tuple[Move, Pose2d]:
-    """A move for a car, and its goal."""
-    if kind == "arc":
-        radius, angle = chance.uniform(0.4, 1.0), chance.choice((1, -1)) * chance.uniform(0.5, 2.0)
-        side = math.copysign(radius, angle)
-        ahead, left = side * math.sin(angle), side * (1.0 - math.cos(angle))
-        move = Move(kind="arc", radius_m=radius, angle_rad=angle)
-    else:
-        ahead, left = chance.uniform(0.6, 1.5), chance.uniform(-0.8, 0.8)
-    cosine, sine = math.cos(pose.theta), math.sin(pose.theta)
-    goal = Pose2d(x=pose.x + cosine * ahead - sine * left, y=pose.y + sine * ahead + cosine * left)
-    if kind == "go_to":
-        move = Move(kind="go_to", x=goal.x, y=goal.y)
-    if kind == "follow":
-        points = wave(chance, pose)
-        move, goal = Move(kind="follow", points=points), Pose2d(x=points[-1][0], y=points[-1][1])
-    return move, goal
-
-
-def others(seed: int) -> str:
-    """The tables of wheels that slip, and of the car."""
-    lines = ["| | by the pose: median, most | truly: median, most | the pose's own error | ends |"]
-    lines.append("|---|---|---|---|---|")
-
-    def row(name: str, found: list[Error]) -> None:
-        def of(values: list[float]) -> str:
-            return f"{1000.0 * quantile(values, 0.5):.1f}, {1000.0 * max(values):.1f} mm"
-
-        posed, true = of([each.posed_m for each in found]), of([each.true_m for each in found])
-        lost, ends = of([each.lost_m for each in found]), Counter(each.reason for each in found)
-        words = ", ".join(f"{count} `{reason}`" for reason, count in ends.items())
-        over = quantile([each.over_s for each in found], 0.5)
-        lines.append(f"| {name} | {posed} | {true} | {lost} | {words}, +{over:.2f} s |")
-
-    for preset in PRESETS:
-        for most in (0.0, 0.02, 0.05, 0.2):
-            found = run_virtual(slipping(preset, most, seed))
-            row(f"`{preset}`, go_to, wheels slip by up to {most:.0%}", found)
-    for kind in ("arc", "go_to", "follow"):
-        every = [run_virtual(car(kind, lag_s, seed)) for lag_s in (0.05, 0.15, 0.25)]
-        row(f"car, {kind}", [each for part in every for each in part])
-    return "\n".join(lines)
-
-
-LATE_S = (0.0, 0.03, 0.06, 0.1, 0.2)
-LATE_LAGS_S = (0.05, 0.1, 0.15, 0.2)
-
-
-async def square(preset: str, lag_s: float, late_s: float) -> list[Drive]:
-    """The moves of a square of half a metre, whose poses come late."""
-    sides = [
-        Move(kind="straight", distance_m=0.5),
-        Move(kind="turn", angle_rad=math.pi / 2.0),
-    ]
-    with tempfile.TemporaryDirectory() as folder:
-        seed = round(1000.0 * lag_s)
-        async with LateBench(Path(folder), preset, lag_s, late_s, seed) as bench:
-            await bench.ready()
-            await asyncio.sleep(0.3)
-            return [await bench.move([move]) for move in 4 * sides]
-
-
-def late(late_s: float) -> str:
-    """A row of the table of late poses."""
-    found: list[Drive] = []
-    for preset in PRESETS:
-        for lag_s in LATE_LAGS_S:
-            found += run_virtual(square(preset, lag_s, late_s))
-    ends = Counter(each.ended.reason for each in found)
-    words = ", ".join(f"{count} `{reason}`" for reason, count in ends.most_common())
-    over = [each.time_s - each.ideal_s for each in found]
-    return f"| {late_s:g} s | {words} | {quantile(over, 0.5):.1f}, {quantile(over, 0.95):.1f} s |"
-
-
-async def path(seed: int) -> tuple[tuple[tuple[float, ...], ...], list[Pose2d]]:
-    """A path that was asked for, and the true poses on it."""
-    chance = Random(seed)
-    with tempfile.TemporaryDirectory() as folder:
-        preset, lag_s = PRESETS[seed % len(PRESETS)], 0.05 + 0.025 * (seed % 11)
-        async with MoveBench(Path(folder), preset, lag_s, seed=seed) as bench:
-            await bench.ready()
-            await asyncio.sleep(0.3)
-            points = wave(chance, bench.heard.estimates[-1].pose)
-            drive = await bench.move([Move(kind="follow", points=points)])
-    return points, drive.path
-
-
-def draw(file: Path, seed: int) -> None:
-    """Draw ten paths over their truth."""
-    from matplotlib import pyplot
-
-    figure, axes = pyplot.subplots(2, 5, figsize=(15, 6.4), constrained_layout=True)
-    for number, axis in enumerate(axes.flat):
-        points, poses = run_virtual(path(seed * 100 + number))
-        axis.plot([p[0] for p in points], [p[1] for p in points], "o", ms=3.5, color="#bbbbbb")
-        axis.plot([p.x for p in poses], [p.y for p in poses], lw=1.2, color="#1565c0")
-        axis.set_aspect("equal", "datalim")
-        axis.set_xlabel("m")
-    figure.suptitle("Asked for: grey points, 20 mm apart. Driven: the true way, blue.")
-    figure.savefig(file, dpi=80)
-
-
 def main() -> None:
     """The command."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.move_table", description=__doc__)
     parser.add_argument("--moves", type=int, default=400)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--others", action="store_true", help="wheels that slip, and a car")
-    parser.add_argument("--late", action="store_true", help="squares whose poses come late")
-    parser.add_argument("--picture", type=Path, help="draw ten paths over their truth")
     args = parser.parse_args()
-    if args.others:
-        print(others(args.seed))
-        return
-    if args.late:
-        print("| late by, on average | ends | beyond the ideal time: median, 95 % |\n|---|---|---|")
-        with ProcessPoolExecutor(2) as pool:
-            print("\n".join(pool.map(late, LATE_S)))
-        return
     robots = max(len(KINDS), args.moves // EACH)
     with ProcessPoolExecutor(2) as pool:
         both = [
@@ -492,8 +311,6 @@ def main() -> None:
             for plain in (False, True)
         ]
     print(table(both[0], both[1]))
-    if args.picture is not None:
-        draw(args.picture, args.seed)
 
 
 if __name__ == "__main__":

@@ -6,8 +6,7 @@ import math
 
 import pytest
 
-from benchmarks.move_table import one, square, table
-from yahboomd.simulation.virtual_time import run
+from benchmarks.move_table import one, table
 
 EACH = 4
 
@@ -37,13 +36,3 @@ def test_the_table_has_the_percentiles_of_both() -> None:
     assert max(each.heading_rad for each in results) < math.radians(0.6)
     rows = table(results * 2, results)
     assert f"{2 * EACH} of {2 * EACH} moves" in rows
-
-
-def test_squares_whose_poses_come_late_take_longer_and_say_why_if_they_end_short() -> None:
-    soon, late = run(square("2wd", 0.1, 0.0)), run(square("2wd", 0.1, 0.1))
-    assert {each.ended.reason for each in soon} == {"reached"}
-    over = [sum(each.time_s - each.ideal_s for each in drives) for drives in (late, soon)]
-    assert over[0] > 1.5 * over[1]
-    short = [each.ended.message for each in late if each.ended.reason == "short"]
-    assert short
-    assert all("Poses came up to 0." in each for each in short)

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from move_bench import Drive, MoveBench
 from rosmaster_firmware import firmware_instead_of_simulated
 from vendor_firmware import MOTORS, ON_THE_FIRMWARE, rosmaster_missing
 
-from benchmarks.move_bench import Drive, MoveBench
 from yahboomd.client.move_messages import Move
 from yahboomd.simulation.virtual_time import on_virtual_time
 

@@ -12,8 +12,8 @@ from typing import Any
 import daemon_samples
 import msgspec
 import pytest
+from move_bench import MoveBench
 
-from benchmarks.move_bench import MoveBench
 from yahboomd.client.move_messages import SOURCE, Move, MoveRequest, MoveSample
 from yahboomd.core.config import read
 from yahboomd.core.messages.codecs import encode

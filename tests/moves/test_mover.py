@@ -7,8 +7,8 @@ import math
 from pathlib import Path
 
 import pytest
+from move_bench import Drive, MoveBench
 
-from benchmarks.move_bench import Drive, MoveBench
 from yahboomd.client.move_messages import Move
 from yahboomd.core.model import Pose2d, Twist2d
 from yahboomd.moves.motion.base_limits import Base

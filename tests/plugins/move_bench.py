@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
 from random import Random
@@ -15,7 +14,7 @@ from robot_bench import RobotBench
 from yahboomd.client.move_messages import Move
 from yahboomd.core.messages.codecs import encode
 from yahboomd.core.messages.native import VelocityCommand
-from yahboomd.core.model import Pose2d, Twist2d
+from yahboomd.core.model import Pose2d
 from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.moves.motion.base_limits import Base, base_of
 from yahboomd.moves.motion.lag_model import LagModel
@@ -159,14 +158,6 @@ class MoveBench(RobotBench):
         if mover.watch.uncertain(newest.pose_covariance, self.uncertain_m):
             mover.end("uncertain", "The place is uncertain.")
 
-    def newest(self) -> Pose2d | None:
-        """The pose that came last; None if none came since the last call."""
-        return self.heard.estimates[-1].pose
-
-    def send(self, twist: Twist2d) -> None:
-        """Command a velocity."""
-        self.payload(encode(VelocityCommand(vx=twist.vx, vy=twist.vy, wz=twist.wz), "json"))
-
     async def move(self, moves: Sequence[Move], *, base: Base | None = None) -> Drive:
         """Drive moves to their end, and wait until the base stands."""
         begin = self.truth
@@ -177,15 +168,14 @@ class MoveBench(RobotBench):
         while mover.ended is None:
             await asyncio.sleep(0.02)
             assert self.clock.now_ns() - began_ns < LONGEST_S * 1e9, "it never ends"
-            pose = self.newest()
-            if pose is None:
-                continue
+            pose = self.heard.estimates[-1].pose
             self._watch(mover)
             twist = mover.step(pose, self.clock.now_ns())
             if mover._leg is not None and mover._leg._last:
                 past = max(past, -mover._leg.left(pose))
             if twist is not None:
-                self.send(twist)
+                command = VelocityCommand(vx=twist.vx, vy=twist.vy, wz=twist.wz)
+                self.payload(encode(command, "json"))
             path.append(self.truth)
         time_s = (self.clock.now_ns() - began_ns) / 1e9
         for _ in range(20):
@@ -201,41 +191,3 @@ class MoveBench(RobotBench):
             path=path,
             past=past,
         )
-
-
-class LateBench(MoveBench):
-    """A robot behind a busy machine or network: nothing is lost or overtaken, much comes late.
-
-    Args:
-        late_s: Half of the poses come late, by this on average and twice that at most; commands by
-            half of it at most.
-        seed: Of the delays.
-    """
-
-    def __init__(self, folder: Path, preset: str, lag_s: float, late_s: float, seed: int) -> None:
-        super().__init__(folder, preset, lag_s, seed=seed)
-        self._chance = Random(seed)
-        self._late_ns = round(late_s * 1e9)
-        self._known = 0
-        self._to_come: deque[tuple[int, Pose2d]] = deque()
-        self._pose_ns = self._command_ns = 0
-
-    def newest(self) -> Pose2d | None:
-        """The pose that came last; None if none came since the last call."""
-        for estimate in self.heard.estimates[self._known :]:
-            late_ns = self._chance.choice((0.0, self._chance.uniform(0.0, 2.0))) * self._late_ns
-            self._pose_ns = max(self._pose_ns, estimate.stamp_ns + round(late_ns))
-            self._to_come.append((self._pose_ns, estimate.pose))
-        self._known = len(self.heard.estimates)
-        pose = None
-        while self._to_come and self._to_come[0][0] <= self.clock.now_ns():
-            _, pose = self._to_come.popleft()
-        return pose
-
-    def send(self, twist: Twist2d) -> None:
-        """Command a velocity, which arrives later."""
-        now_ns = self.clock.now_ns()
-        late_ns = self._chance.uniform(0.0, 0.5) * self._late_ns
-        self._command_ns = max(self._command_ns, now_ns + round(late_ns))
-        left_s = (self._command_ns - now_ns) / 1e9
-        asyncio.get_running_loop().call_later(left_s, super().send, twist)
