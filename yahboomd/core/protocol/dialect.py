@@ -402,6 +402,9 @@ class Dialect(msgspec.Struct, frozen=True, kw_only=True):
             units: The result of :meth:`Motion.units`; clamped to the board's range.
         """
 
+    sensors: tuple[ImuSensor, ...] = ()
+    """The inertial sensors that its boards may have."""
+
     loop_ns: int = 0
     """The period of the board's speed loops; 0 if unknown."""
 

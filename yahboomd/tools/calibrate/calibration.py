@@ -57,14 +57,15 @@ async def calibrate(
     """
     if isinstance(choices, HandTurns):
         from yahboomd.client import ImuSample, StatusSample
-        from yahboomd.core.protocol.rosmaster.functions import MPU9250, SENSORS
+        from yahboomd.core.protocol.registry import DIALECTS
         from yahboomd.tools.calibrate.imu_by_hand import show_mounted, turn_by_hand
 
         config = await config_of(robot, loaded)
         status = await robot.get(StatusSample)
         name = "" if status is None else str(status.board.get("imu"))
-        usual = SENSORS.get(name, MPU9250).axes
-        config = replace(config, imu=replace(config.imu, axes=config.imu.axes or usual))
+        sensors = [each for dialect in DIALECTS.values() for each in dialect.sensors]
+        usual = [each.axes for each in sensors if each.name == name] or ["x y z"]
+        config = replace(config, imu=replace(config.imu, axes=config.imu.axes or usual[0]))
         stream = partial(robot.samples, ImuSample, depth=1024)
         show_mounted(await turn_by_hand(stream, person, config, choices.turns), config, person)
         return

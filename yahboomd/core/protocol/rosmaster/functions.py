@@ -96,9 +96,6 @@ ICM20948: Final = ImuSensor(
 )
 
 
-SENSORS: Final = {each.name: each for each in (MPU9250, ICM20948)}
-
-
 def request(function: int, parameter: int = 0) -> bytes:
     """Ask for the report of a function. Only the latest question is answered, in milliseconds."""
     return frame(REQUEST, function, parameter)

@@ -11,7 +11,7 @@ import operator
 from typing import Final
 
 from yahboomd.core.errors import BoardError
-from yahboomd.core.model import Kinematics, Motor
+from yahboomd.core.model import ImuSensor, Kinematics, Motor
 from yahboomd.core.protocol.dialect import (
     Decoded,
     Dialect,
@@ -25,8 +25,10 @@ from yahboomd.core.protocol.rosmaster.cars import CARS, Body, Steered, body, ste
 from yahboomd.core.protocol.rosmaster.functions import (
     AUTO_REPORT,
     CAR_RUN,
+    ICM20948,
     IN_MEMORY,
     MOST_OUTPUT,
+    MPU9250,
     OUTPUT_OFFSET,
     READ_SETTINGS,
     SUNRISE_OFFSET,
@@ -85,6 +87,7 @@ class Rosmaster(Dialect, frozen=True, kw_only=True):
     battery: bytes | None = request(AUTO_REPORT)
     read_settings: tuple[bytes, ...] = READ_SETTINGS
     settings: tuple[StoredSetting, ...] = TABLE
+    sensors: tuple[ImuSensor, ...] = (MPU9250, ICM20948)
     loop_ns: int = 10_000_000
     most_output: int = MOST_OUTPUT
     fastest_m_s: float = max(car.fastest_mm_s for car in CARS.values()) / 1000.0
