@@ -6,16 +6,21 @@ import asyncio
 import math
 from collections.abc import AsyncIterator
 from random import Random
+from typing import Any
 
 import msgspec
 import pytest
 
-from yahboomd.core.config import Config
+from yahboomd.client.questions import Answer
+from yahboomd.core.config import Config, Loaded
 from yahboomd.core.errors import Refused
-from yahboomd.core.messages.native import ImuSample
+from yahboomd.core.messages.native import ImuSample, StatusSample
 from yahboomd.core.model import STANDSTILL, ImuReading, ImuSensor, Twist2d
+from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.simulation.imu import MPU9250, ImuModel
 from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.tools.calibrate.calibration import calibrate
+from yahboomd.tools.calibrate.choices import HandTurns
 from yahboomd.tools.calibrate.estimates.hand_turn import Mounted
 from yahboomd.tools.calibrate.imu_by_hand import show_mounted, turn_by_hand
 from yahboomd.tools.schemas.samples import NATIVE
@@ -35,7 +40,19 @@ class Bench:
 
     enter = "Enter"
 
-    def __init__(self, config: Config, *, axes: str, turns: float, silent: bool = False) -> None:
+    def __init__(
+        self,
+        config: Config,
+        *,
+        axes: str,
+        turns: float,
+        silent: bool = False,
+        kind: str = "mpu9250",
+    ) -> None:
+        usual = {each.name: each for each in DIALECTS["rosmaster"].sensors}
+        self.sensor = msgspec.structs.replace(SENSOR, name=kind, axes=usual[kind].axes)
+        self.said: list[str] = []
+        self.found: dict[str, Any] = {}
         self.config = config
         self.turns = turns
         self.silent = silent
@@ -57,7 +74,7 @@ class Bench:
             shown = self._imu.sample(now_ns, twist, 0.0)
             reading = self.config.imu.mounting().along_base(
                 ImuReading(
-                    sensor=SENSOR,
+                    sensor=self.sensor,
                     sent_ns=now_ns,
                     gyro_rad_s=shown.gyro_rad_s,
                     acceleration_m_s2=shown.acceleration_m_s2,
@@ -70,6 +87,12 @@ class Bench:
                 gyro_rad_s=reading.gyro_rad_s,
                 acceleration_m_s2=reading.acceleration_m_s2,
             )
+
+    def say(self, words: str) -> None:
+        self.said.append(words)
+
+    def result(self, text: str, facts: dict[str, Any]) -> None:
+        self.found = facts
 
     async def confirm(self, name: str, words: str) -> None:
         self.questions.append(words)
@@ -112,6 +135,46 @@ async def test_one_on_its_back_is_found_and_what_is_printed_makes_it_right(
     show_mounted(again, given, Answers())
     assert "right" in capsys.readouterr().err
     assert f'axes = "{found.axes}"' in out
+
+
+class Daemon:
+    """The daemon's answers, with the samples of a bench."""
+
+    def __init__(self, bench: Bench, sensor: str) -> None:
+        self._bench = bench
+        self._sensor = sensor
+
+    async def get(self, message: type[StatusSample]) -> StatusSample:
+        status = NATIVE["StatusSample"]
+        assert isinstance(status, StatusSample)
+        return msgspec.structs.replace(status, board={"imu": self._sensor})
+
+    async def call(self, key: str, *, timeout_s: float) -> Answer:
+        return Answer(
+            success=True, message="", answered=1, data=self._bench.config.resolved().as_data()
+        )
+
+    def samples(self, message: type[ImuSample], *, depth: int) -> AsyncIterator[ImuSample]:
+        return self._bench.stream()
+
+
+@pytest.mark.parametrize(
+    ("name", "axes", "right"),
+    [("icm20948", "x -y -z", True), ("icm20948", "x y z", False), ("mpu9250", "x y z", True)],
+)
+@on_virtual_time
+async def test_without_axes_those_of_the_daemons_sensor_are_checked(
+    name: str, axes: str, right: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bench = Bench(Config(), axes=axes, turns=3.0, kind=name)
+    await calibrate(
+        Daemon(bench, name),  # type: ignore[arg-type]
+        Loaded(bench.config, None),  # type: ignore[arg-type]
+        HandTurns(turns=3),
+        bench,  # type: ignore[arg-type]
+    )
+    assert ("The axes are right." in bench.said) == right
+    assert bench.found["axes"].split()[2] == axes.split()[2]
 
 
 @on_virtual_time
