@@ -241,6 +241,16 @@ def test_a_board_that_hangs_keeps_its_outputs_and_has_no_period_to_set() -> None
         desk.robot.set_tick_period(desk.now_ns, 0.01)
 
 
+@pytest.mark.parametrize(("firmware", "stored"), [("3.5.1", 2), ("3.6.5", 10)])
+def test_the_type_of_an_m1_is_taken_by_later_firmware_alone(firmware: str, stored: int) -> None:
+    desk = Desk(firmware=firmware, flash=RosmasterStored(car_type=2))
+    desk.write(frame(0x15, 10, 0x5F), 250)
+    assert desk.robot.board.flash.car_type == stored  # type: ignore[attr-defined]
+    # The A1's is not known of any firmware here.
+    desk.write(frame(0x15, 9, 0x5F), 250)
+    assert desk.robot.board.flash.car_type == stored  # type: ignore[attr-defined]
+
+
 @pytest.mark.parametrize("function", [0x13, 0x15, 0x30, 0xA0])
 def test_it_is_deaf_and_holds_its_outputs_while_it_writes_its_flash(function: int) -> None:
     payloads = {
