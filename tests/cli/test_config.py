@@ -68,30 +68,11 @@ def test_show_says_where_values_come_from(empty, capsys):
     assert 'mode = "router"  # default\n' in shown
 
 
-def test_schema_is_json(capsys):
-    assert main(["config", "schema"]) == 0
-    assert json.loads(capsys.readouterr().out)["title"] == "yahboomd"
-
-
 def test_reference_is_the_page_or_the_default_file(capsys):
     assert main(["config", "reference"]) == 0
     assert capsys.readouterr().out == reference.markdown()
     assert main(["config", "reference", "--toml"]) == 0
     assert capsys.readouterr().out == reference.default_toml()
-
-
-def test_a_verb_is_needed(capsys):
-    with pytest.raises(SystemExit) as left:
-        main(["config"])
-    assert left.value.code == 2
-    assert "VERB" in capsys.readouterr().err
-
-
-def test_each_verb_has_a_help_of_its_own(capsys):
-    for verb in ("check", "show", "schema", "reference"):
-        with pytest.raises(SystemExit):
-            main(["config", verb, "--help"])
-        assert f"usage: yahboomd config {verb}" in capsys.readouterr().out
 
 
 def test_show_prints_json_for_programs_with_the_preset_written_out(empty, capsys):

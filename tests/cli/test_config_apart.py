@@ -7,11 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 from yahboomd.cli.config_apart import read_config_apart
 from yahboomd.cli.shared_options import read_config
-from yahboomd.core.errors import ConfigError
 
 
 def options(text: str, tmp_path: Path) -> argparse.Namespace:
@@ -24,15 +21,6 @@ def test_it_reads_the_same_as_here(tmp_path: Path) -> None:
     args = options("[zenoh]\nnamespace = 'bot1'\n[limits]\nlinear = { velocity = 0.5 }\n", tmp_path)
     loaded = read_config(args)
     assert read_config_apart(args) == (loaded.config, loaded.path)
-
-
-def test_it_reports_the_same_mistakes(tmp_path: Path) -> None:
-    args = options("[log]\nlevel = 'loud'\n[web]\ncamera = 'x'\n", tmp_path)
-    with pytest.raises(ConfigError) as here:
-        read_config(args)
-    with pytest.raises(ConfigError) as apart:
-        read_config_apart(args)
-    assert (apart.value.message, apart.value.remedy) == (here.value.message, here.value.remedy)
 
 
 def test_the_checks_are_not_loaded_here(tmp_path: Path) -> None:

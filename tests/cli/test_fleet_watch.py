@@ -10,7 +10,7 @@ from drawn_screen import lines, style_of
 from fake_daemon import FakeDaemon
 from zenoh_fixtures import eventually, free_endpoint
 
-from yahboomd.cli.fleet_watch import Changes, as_text, screen, status_of, watch
+from yahboomd.cli.fleet_watch import Changes, screen, status_of, watch
 from yahboomd.cli.main import main
 from yahboomd.tools.fleet.fleet_list import FleetList
 from yahboomd.tools.fleet.fleet_view import RobotRow
@@ -38,12 +38,6 @@ def test_the_exit_status_tells_whether_every_robot_can_drive() -> None:
     assert status_of([]) == os.EX_UNAVAILABLE
 
 
-def test_json_is_one_array_of_all_robots() -> None:
-    text = as_text([STOPPED, GOOD], 3, as_json=True)
-    assert msgspec.json.decode(text, type=list[RobotRow]) == [STOPPED, GOOD]
-    assert "\n" not in text
-
-
 def test_a_change_of_need_state_or_driver_is_one_and_an_age_is_none() -> None:
     changes = Changes()
     assert changes.of([GOOD, STOPPED]) == [GOOD, STOPPED]
@@ -66,10 +60,6 @@ def test_a_screen_shows_those_that_need_somebody_and_how_many_it_has_no_room_for
     assert shown[9].strip() == "and 45 more, of which 0 need somebody"
     assert "red" in style_of("bot3", drawn)
     assert "green" in style_of("good00", drawn)
-
-
-def test_without_a_robot_nothing_is_drawn_but_that() -> None:
-    assert lines(screen([], 0, height=10), height=10)[0].strip() == "No robot."
 
 
 async def test_it_prints_a_line_for_each_change_until_it_is_ended(
@@ -97,8 +87,3 @@ def test_without_any_robot_the_command_ends_with_69(capsys: pytest.CaptureFixtur
     nowhere = free_endpoint()
     assert main(["fleet", "status", "--connect", nowhere, "--timeout", "0.1"]) == 69
     assert capsys.readouterr().out == "No robot.\n"
-
-
-def test_papers_that_are_none_end_the_command_with_78(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["fleet", "status", "--fleet", "/nowhere.json5"]) == 78
-    assert "It is your file of `yahboomd fleet init`" in capsys.readouterr().err

@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-import signal
-import socket
-import urllib.error
-import urllib.request
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -81,88 +76,6 @@ def test_every_number_of_a_real_status_is_on_the_page(
     )
 
 
-def test_a_daemon_that_is_away_is_shown_as_away_at_once_and_comes_back(
-    real_robot: Callable[..., RealRobot],
-    client: Callable[..., Client],
-    exporter: Callable[..., Exporter],
-) -> None:
-    robot = real_robot()
-    page = exporter("--connect", robot.endpoint)
-    application = client("client", robot.endpoint)
-    application.in_state("standing")
-    application.session.put("yahboomd/estop", b"")
-    wait_for(lambda: page.value("yahboomd_command_estops_total") == 1, "the e-stop is counted")
-    # Suspended, it holds its connection and answers nothing.
-    robot.daemon.process.send_signal(signal.SIGSTOP)
-    try:
-        wait_for(lambda: page.value("yahboomd_up") == 0, "it counts as dead")
-        assert page.value("yahboomd_status_age_seconds") > 0.5
-        assert page.value("yahboomd_link_readings_total") is None
-        assert page.value("yahboomd_state", state="standing") is None
-        # It looks once a second: a shorter silence may pass unseen.
-        page.process.says("its daemon has gone silent")
-    finally:
-        robot.daemon.process.send_signal(signal.SIGCONT)
-    wait_for(lambda: page.value("yahboomd_up") == 1, "it answers again")
-    robot.daemon.end()
-    wait_for(lambda: page.value("yahboomd_up") == 0, "it has ended")
-    robot.start_daemon()
-    wait_for(lambda: page.value("yahboomd_up") == 1, "another one answers")
-    # Its counters begin at zero, which Prometheus expects; its e-stop is engaged still.
-    wait_for(lambda: page.value("yahboomd_command_estops_total") == 0, "its own counters")
-    assert page.value("yahboomd_estop_engaged") == 1
-
-
-def test_several_robots_are_distinguished(
-    real_robot: Callable[..., RealRobot], exporter: Callable[..., Exporter], tmp_path: Path
-) -> None:
-    robot = real_robot(run=["--set", 'zenoh.namespace="front"'])
-    front, rear = tmp_path / "front.toml", tmp_path / "rear.toml"
-    for path, endpoint in ((front, robot.endpoint), (rear, free_endpoint())):
-        path.write_text(
-            f'[zenoh]\nnamespace = "{path.stem}"\nlisten = ["{endpoint}"]\nconnect = []\n'
-        )
-    page = exporter("--config", str(front), "--config", str(rear))
-    wait_for(lambda: page.value("yahboomd_up", "front") == 1, "the front answers")
-    assert page.value("yahboomd_up", "rear") == 0
-    assert page.value("yahboomd_board_volts", "rear") is None
-    with pytest.raises(urllib.error.HTTPError, match="404"):
-        urllib.request.urlopen(page.url.replace("/metrics", "/"), timeout=60)
-
-
-def test_a_flood_of_scrapes_asks_the_daemon_no_more_than_none(
-    real_robot: Callable[..., RealRobot], exporter: Callable[..., Exporter]
-) -> None:
-    robot = real_robot()
-    page = exporter("--connect", robot.endpoint)
-    wait_for(lambda: page.value("yahboomd_up") == 1, "the daemon answers")
-
-    def asked() -> tuple[float, float]:
-        """The stamp of the newest status, and the questions until then."""
-        found, key = page.series(), (("robot", "yahboomd"),)
-        return (
-            found["yahboomd_status_timestamp_seconds", key],
-            found["yahboomd_bus_requests_total", key],
-        )
-
-    begin_s, begin = end_s, end = asked()
-    while end_s < begin_s + 3.0:
-        for _ in range(100):
-            page.page()
-        end_s, end = asked()
-    # Two questions a second, for twist and wheels; a scrape adds none. The edges hold two more, and
-    # a daemon that was held up for some seconds then reads what waited. A question for each page
-    # would be six a second.
-    assert end - begin <= 2.0 * (end_s - begin_s) + 8.0
-
-
-def test_it_ends_in_order(exporter: Callable[..., Exporter]) -> None:
-    page = exporter("--connect", free_endpoint())
-    assert page.value("yahboomd_up") == 0
-    assert page.process.end() == 0
-    assert "Traceback" not in page.process.output
-
-
 @pytest.mark.parametrize("place", ["0.0.0.0:0", "[::]:0", "192.168.1.5:9448"])
 def test_what_other_machines_would_reach_is_refused_with_the_reason(
     capsys: pytest.CaptureFixture[str], place: str
@@ -173,6 +86,7 @@ def test_what_other_machines_would_reach_is_refused_with_the_reason(
     assert "--expose" in said
 
 
+@pytest.mark.nightly
 def test_it_can_be_exposed_on_purpose(exporter: Callable[..., Exporter]) -> None:
     page = Process("metrics", "--connect", free_endpoint(), "--listen", "0.0.0.0:0", "--expose")
     try:
@@ -187,23 +101,6 @@ def test_a_place_that_is_none_is_refused(capsys: pytest.CaptureFixture[str], pla
     assert "127.0.0.1:9448" in capsys.readouterr().err
 
 
-def test_a_port_that_is_taken_is_said(capsys: pytest.CaptureFixture[str]) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        place = f"127.0.0.1:{taken.getsockname()[1]}"
-        assert main(["metrics", "--listen", place, "--connect", free_endpoint()]) == 69
-    assert "cannot be served" in capsys.readouterr().err
-
-
 def test_two_robots_of_one_name_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["metrics", "--namespace", "bot1", "--namespace", "bot1"]) == 78
     assert "'bot1'" in capsys.readouterr().err
-
-
-def test_a_bus_that_can_never_be_reached_ends_it(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    broken = tmp_path / "zenoh.json5"
-    broken.write_text("{")
-    options = ["--set", f'zenoh.config="{broken}"', "--connect", free_endpoint()]
-    assert main(["metrics", "--listen", "127.0.0.1:0", *options]) == 69
-    assert "zenoh.json5" in capsys.readouterr().err

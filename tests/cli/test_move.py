@@ -20,7 +20,6 @@ from yahboomd.client import Move, MoveSample
 from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.options import BusOptions
 from yahboomd.core.errors import Refused
-from yahboomd.core.messages.native import ServiceReply
 from yahboomd.tools.schemas.move_samples import SAMPLES
 
 
@@ -85,11 +84,6 @@ def test_a_line_that_is_no_point_is_named(tmp_path: Path, text: str, words: str)
         move.read_points(file)
 
 
-def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
-    with pytest.raises(Refused, match=r"gone\.csv cannot be read"):
-        move.read_points(tmp_path / "gone.csv")
-
-
 def test_the_bar_shows_what_is_left() -> None:
     sample = SAMPLES["MoveSample"]
     assert isinstance(sample, MoveSample)
@@ -144,13 +138,3 @@ async def test_a_goal_that_is_not_reached_ends_with_its_words(
     moves.tell(state="ended", reason="blocked", message="The base does not move.")
     assert await running == 1
     assert "The base does not move." in capfd.readouterr().err
-
-
-@pytest.mark.realtime
-async def test_a_refusal_ends_with_its_words(
-    served: tuple[str, FakeMoves], capfd: pytest.CaptureFixture[str]
-) -> None:
-    endpoint, moves = served
-    moves.answer = ServiceReply(success=False, message="left_m needs mecanum wheels.")
-    assert await (await run(endpoint, "straight", "0", "--left", "1")) == 1
-    assert "mecanum" in capfd.readouterr().err

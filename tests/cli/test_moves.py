@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from real_robot import Process, free_endpoint
+from real_robot import Process
 
 pytestmark = pytest.mark.realtime
 
@@ -18,15 +18,3 @@ def test_it_serves_a_second_one_says_only_that_and_a_signal_ends_it(one_robot) -
     assert "Moves are served" not in second.output
     assert served.end() == 0
     assert f"yahboomd at {one_robot.endpoint} answers." in served.output
-
-
-def test_without_a_daemon_it_waits_and_ends_at_a_signal() -> None:
-    served = Process("moves", "--connect", free_endpoint())
-    served.says("is waited for")
-    assert served.end() == 0
-    assert "Moves are served" not in served.output
-
-
-def test_a_configuration_that_cannot_be_used_ends_it() -> None:
-    served = Process("moves", "--set", "limits.linear.velocity=fast")
-    assert served.end_by_itself() == 78

@@ -5,11 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.core.clock import SystemClock
 from yahboomd.core.config import Config
 from yahboomd.core.daemon.estop.latch_file import LatchFile
-from yahboomd.core.errors import ConfigError, PortBusy, PortLost, PortMissing, Refused
-from yahboomd.tools.port.own_port import opener_of, refuse_estop, with_hints
+from yahboomd.core.errors import ConfigError, PortLost, PortMissing, Refused
+from yahboomd.tools.port.own_port import refuse_estop, with_hints
 
 
 def test_a_port_without_an_emergency_stop_is_free_to_turn_wheels(tmp_path: Path) -> None:
@@ -46,33 +45,6 @@ def test_hints_are_added_to_errors_of_the_port_alone() -> None:
     assert missing.message == "no /nowhere/board."
     error = ConfigError("two ports")
     assert with_hints(error, "") is error
-
-
-@pytest.mark.realtime
-async def test_a_held_port_names_its_holder(simulated_board) -> None:
-    board = simulated_board()
-    board.drive()
-    opener = opener_of(board.port, Config(), SystemClock())
-    with pytest.raises(PortBusy) as held:
-        await opener()
-    assert f"kill {board.owner.pid}" in str(with_hints(held.value, board.port))
-
-
-@pytest.mark.realtime
-async def test_a_program_that_ends_while_it_is_looked_at_is_no_reason_to_give_up(
-    simulated_board, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    board = simulated_board()
-    board.drive()
-    name = f"python (pid {board.owner.pid})"
-
-    def ending(_port: str) -> tuple[str, ...]:
-        board.kill_owner()
-        return (name,)
-
-    monkeypatch.setattr("yahboomd.tools.port.own_port.holders", ending)
-    port = await opener_of(board.port, Config(), SystemClock())()
-    port.close()
 
 
 def test_a_board_that_is_gone_may_still_turn_a_wheel_and_the_error_says_how_to_stop_it() -> None:

@@ -31,33 +31,6 @@ def test_the_limit_is_raised_as_far_as_it_may_be(limits: int) -> None:
     assert soft() == (WANTED if limits == resource.RLIM_INFINITY else min(WANTED, limits))
 
 
-def test_a_limit_that_is_higher_already_stays(limits: int) -> None:
-    if limits != resource.RLIM_INFINITY and limits <= WANTED:
-        resource.setrlimit(resource.RLIMIT_NOFILE, (limits, limits))
-    else:
-        resource.setrlimit(resource.RLIMIT_NOFILE, (WANTED + 1, limits))
-    before = soft()
-    make_room()
-    assert soft() == before
-
-
-def test_a_limit_that_connections_can_exhaust_is_named_at_the_start() -> None:
-    script = (
-        "import logging, resource\n"
-        "from yahboomd.cli.process_limits import make_room\n"
-        "logging.basicConfig()\n"
-        "for hard in (2048, 2047):\n"
-        "    resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))\n"
-        "    make_room()\n"
-    )
-    said = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=True
-    ).stderr
-    assert said.count("\n") == 1
-    assert "may open only 2047 files" in said
-    assert "Allow it 2048: `ulimit -n`" in said
-
-
 def test_too_few_descriptors_are_refused_with_what_raises_the_limit() -> None:
     script = (
         "import resource\n"
@@ -86,6 +59,7 @@ def refused(limit: str, command: list[str]) -> tuple[int, str]:
     return done.returncode, done.stderr
 
 
+@pytest.mark.cases(1)
 @pytest.mark.realtime
 @pytest.mark.parametrize(
     ("megabytes", "command"),

@@ -17,7 +17,6 @@ from yahboomd.core.bus.services import BusQuery, Response
 from yahboomd.core.clock import SystemClock, nanoseconds
 from yahboomd.core.errors import BusError
 from yahboomd.core.messages.codecs import encode
-from yahboomd.core.messages.native import ServiceReply
 from yahboomd.tools.metrics import robot_poll
 from yahboomd.tools.metrics.robot_poll import ALIVE_S, RobotPoll
 
@@ -108,16 +107,6 @@ async def test_it_knows_the_newest_samples(daemon: Daemon, poll: Any) -> None:
     assert facts.unreadable == 0
 
 
-async def test_who_reads_how_often_costs_the_daemon_nothing(daemon: Daemon, poll: Any) -> None:
-    watched, _ = poll
-    await eventually(lambda: watched.current().status)
-    before = len(daemon.asked)
-    for _ in range(100_000):
-        watched.current()
-    # The loop had no turn in between, so no question can have left.
-    assert len(daemon.asked) == before
-
-
 async def test_without_a_new_status_the_daemon_counts_as_dead(daemon: Daemon, poll: Any) -> None:
     watched, clock = poll
     await eventually(lambda: watched.current().status)
@@ -139,16 +128,7 @@ async def test_a_daemon_that_ended_counts_as_dead_at_once(daemon: Daemon, poll: 
     assert watched.current().status_age_s is not None
 
 
-async def test_before_the_first_sample_nothing_counts_as_unreadable(
-    daemon: Daemon, poll: Any
-) -> None:
-    watched, _ = poll
-    daemon.samples[keys.TWIST] = ServiceReply(success=False, message="There was no sample yet.")
-    await eventually(lambda: watched.current().status)
-    await eventually(lambda: watched.current().twist is None)
-    assert watched.current().unreadable == 0
-
-
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("payload", [b"{", b"\xff\x00", b"[" * 3000, b'{"success": 3}', b""])
 async def test_what_cannot_be_read_is_counted(daemon: Daemon, poll: Any, payload: bytes) -> None:
     watched, _ = poll
@@ -169,22 +149,6 @@ async def test_events_are_counted_by_kind(daemon: Daemon, poll: Any) -> None:
     await eventually(
         lambda: watched.current().events.get(key) == 3 and watched.current().unreadable
     )
-
-
-async def test_kinds_of_events_are_bounded(
-    daemon: Daemon, poll: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    watched, _ = poll
-    await eventually(lambda: watched.current().status and daemon.events.has_subscribers)
-    known = len(watched.current().events)
-    monkeypatch.setattr(robot_poll, "MAX_KINDS", known + 1)
-    for number in range(3):
-        event = msgspec.structs.replace(daemon_samples.event(), kind=f"kind_{number}")
-        daemon.events.put(encode(event, "json"))
-    await eventually(lambda: sum(watched.current().events.values()) == 3)
-    events = watched.current().events
-    assert len(events) == known + 2
-    assert events["other", "warning"] == 2
 
 
 async def test_a_place_that_can_never_be_reached_ends_it() -> None:

@@ -44,6 +44,7 @@ def started(alone: list[str]) -> Iterator[Callable[..., Process]]:
         each.end()
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_every_polite_signal_ends_it_well(
     started: Callable[..., Process], number: signal.Signals
@@ -71,23 +72,6 @@ def test_port_and_namespace_are_options_of_their_own(
     assert daemon._config.zenoh.namespace == "bot7"
 
 
-def test_what_may_surprise_is_said_at_the_start(started: Callable[..., Process]) -> None:
-    daemon = started("--port", "/dev/not-there", "--set", "limits.linear.velocity=1.5")
-    daemon.says("there is no such port.")
-    assert "limits.linear.velocity" in daemon.output
-    assert daemon.end() == 0
-
-
-def test_the_running_daemon_has_not_loaded_openssl(
-    started: Callable[..., Process],
-) -> None:
-    daemon = started("--port", "/dev/not-there", "--set", "ros2.rmw_zenoh=true")
-    daemon.says("there is no such port.")
-    loaded = Path(f"/proc/{daemon.pid}/maps").read_text()
-    assert "msgspec" in loaded
-    assert not [name for name in ("_ssl", "_hashlib") if name in loaded]
-
-
 def test_a_bug_ends_it_with_its_traceback_and_a_status_of_its_own(
     alone: list[str],
     monkeypatch: pytest.MonkeyPatch,
@@ -103,27 +87,7 @@ def test_a_bug_ends_it_with_its_traceback_and_a_status_of_its_own(
     assert "ZeroDivisionError: a bug" in said
 
 
-def test_a_configuration_with_mistakes_opens_nothing(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    mistakes = ("serial.baudrate=fast", "chassis.preset=3wd", "command.timout_s=1")
-    assert main(["run", *(word for each in mistakes for word in ("--set", each))]) == os.EX_CONFIG
-    said = capsys.readouterr().err
-    assert all(place in said for place in ("serial.baudrate", "chassis.preset", "command.timout_s"))
-
-
-def test_the_help_shows_how_to_start_and_where_it_is_reached() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "yahboomd", "run", "--help"],
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=60,
-    )
-    assert "yahboomd run --port /dev/ttyUSB0" in done.stdout
-    assert "tcp/127.0.0.1:7448" in done.stdout
-
-
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("frozen", [False, True])
 def test_a_second_daemon_on_the_listen_port_names_the_command_that_ends_the_first(
     started: Callable[..., Process], frozen: bool
@@ -142,6 +106,7 @@ def test_a_second_daemon_on_the_listen_port_names_the_command_that_ends_the_firs
     first.process.send_signal(signal.SIGCONT)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", ["streamed", "polled"])
 def test_wheels_that_a_crash_left_turning_are_stopped_where_the_bus_cannot_be_opened(
     started: Callable[..., Process], simulated_board, dialect: str
@@ -157,6 +122,7 @@ def test_wheels_that_a_crash_left_turning_are_stopped_where_the_bus_cannot_be_op
     wait_for(lambda: board.stands, "the wheels stand")
 
 
+@pytest.mark.nightly
 def test_wheels_that_a_crash_left_turning_are_stopped_as_soon_as_their_port_is_there(
     started: Callable[..., Process], simulated_board, tmp_path: Path
 ) -> None:
@@ -179,6 +145,7 @@ def test_wheels_that_a_crash_left_turning_are_stopped_as_soon_as_their_port_is_t
     assert "Traceback" not in second.output
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("mistake", [True, False])
 def test_a_daemon_that_does_not_start_names_the_board_of_one_that_was_killed(
     started: Callable[..., Process], tmp_path: Path, mistake: bool

@@ -77,6 +77,7 @@ def test_a_daemon_that_is_killed_crashes_or_freezes_in_motion_leaves_standing_wh
     assert all(note.ended for note in port_note.read(str(tmp_path / "run")))
 
 
+@pytest.mark.nightly
 @pytest.mark.realtime
 def test_a_pause_of_daemon_and_guard_together_is_no_freeze_of_the_daemon(
     guarded: RealRobot,
@@ -104,6 +105,7 @@ def test_a_daemon_whose_guard_was_killed_says_so_and_drives_on(guarded: RealRobo
     assert guarded.daemon.end() == 0
 
 
+@pytest.mark.nightly
 @pytest.mark.realtime
 def test_an_end_in_order_needs_no_guard_and_one_that_suspends_with_standing_wheels_is_left_alone(
     guarded: RealRobot,
@@ -123,6 +125,7 @@ def test_an_end_in_order_needs_no_guard_and_one_that_suspends_with_standing_whee
     assert "a stop was sent" not in daemon.output.lower()
 
 
+@pytest.mark.cases(1)
 @pytest.mark.realtime
 @pytest.mark.parametrize("how", ["an option", "a watchdog"])
 def test_no_guard_is_started_by_an_option_and_where_a_service_manager_watches(

@@ -35,28 +35,6 @@ def test_a_port_and_a_namespace_win_over_set_and_environment(parse):
     assert config.zenoh.namespace == "1.0"
 
 
-def test_set_may_be_repeated(parse):
-    args = parse("--set", "log.level=debug", "--set", "command.rate_hz=20")
-    config = shared_options.read_config(args, {}).config
-    assert (config.log.level, config.command.rate_hz) == ("debug", 20.0)
-
-
-def test_the_environment_of_the_process_is_read(parse, monkeypatch):
-    monkeypatch.setenv("YAHBOOMD_LOG__LEVEL", "error")
-    assert shared_options.read_config(parse()).config.log.level == "error"
-
-
-def test_a_file_that_is_missing_is_an_error(parse, tmp_path):
-    with pytest.raises(ConfigError, match="No such file"):
-        shared_options.read_config(parse("--config", str(tmp_path / "missing.toml")), {})
-
-
-def test_a_command_without_these_options_reads_the_rest(parse):
-    args = parse()
-    del args.port, args.namespace
-    assert shared_options.read_config(args, {}).config.serial.port == ""
-
-
 def test_a_daemon_is_reached_where_it_listens_then_at_its_routers(parse):
     args = parse("--set", 'zenoh.listen=["tcp/0.0.0.0:7448", "tcp/[::]:7448"]')
     config = shared_options.read_config(args, {}).config
@@ -65,12 +43,6 @@ def test_a_daemon_is_reached_where_it_listens_then_at_its_routers(parse):
         "tcp/[::1]:7448",
         "tcp/127.0.0.1:7447",
     )
-
-
-def test_a_daemon_that_is_a_client_is_reached_at_its_router(parse):
-    args = parse("--set", "zenoh.mode=client")
-    config = shared_options.read_config(args, {}).config
-    assert shared_options.daemon_endpoints(args, config) == ("tcp/127.0.0.1:7447",)
 
 
 def test_endpoints_that_are_given_are_used_alone(parse):
@@ -99,10 +71,6 @@ def test_any_text_is_quoted_as_toml(text):
 def test_what_is_no_duration_is_a_mistake(text: str) -> None:
     with pytest.raises(argparse.ArgumentTypeError):
         shared_options.seconds(text)
-
-
-def test_a_duration_may_be_zero() -> None:
-    assert (shared_options.seconds("0"), shared_options.seconds("1e3")) == (0.0, 1000.0)
 
 
 @pytest.mark.parametrize("text", ["-1", "-.5", "-8.66e-17", "-1.", "-2E+3"])

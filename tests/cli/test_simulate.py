@@ -8,11 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from real_robot import wait_for
 
 from yahboomd.cli.main import main
-from yahboomd.simulation.console import COMMANDS
-from yahboomd.simulation.truth import read_truth
 
 
 @pytest.fixture
@@ -35,6 +32,7 @@ def start() -> Iterator[object]:
         process.communicate()
 
 
+@pytest.mark.cases(1)
 @pytest.mark.realtime
 @pytest.mark.parametrize(
     ("number", "dialect"),
@@ -54,12 +52,6 @@ def test_it_names_its_port_and_ends_cleanly(
     assert process.stderr.read() == ""
     assert not os.path.lexists(link)
     assert (tmp_path / "t").exists()
-
-
-@pytest.mark.realtime
-def test_without_a_link_it_names_the_systems_own_port(start: object) -> None:
-    process = start()
-    assert "yahboomd run --port /dev/pts/" in process.stdout.readline()
 
 
 @pytest.mark.parametrize(
@@ -92,31 +84,3 @@ def test_options_that_cannot_be_used_are_named_with_status_78(
 ) -> None:
     assert main(["simulate", *options]) == 78
     assert words in capsys.readouterr().err
-
-
-def test_the_help_shows_a_first_drive_and_every_control_command(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    with pytest.raises(SystemExit) as left:
-        main(["simulate", "--help"])
-    assert left.value.code == 0
-    text = capsys.readouterr().out
-    assert "yahboomd run --port /tmp/board" in text
-    for command in COMMANDS:
-        assert f"  {command}" in text
-
-
-@pytest.mark.realtime
-def test_plugs_are_named_in_the_order_of_the_wheels(start: object, tmp_path: Path) -> None:
-    truth = tmp_path / "truth"
-    process = start("--plugs=-4,2", "--link", str(tmp_path / "board"), "--truth", str(truth))
-    process.stdout.readline()
-    wait_for(lambda: read_truth(truth), "the truth")
-    with (tmp_path / "board").open("wb", buffering=0) as port:
-        port.write(b"$pwm:0,3000,0,3000#")
-
-        def turn() -> bool:
-            left, right = read_truth(truth)[-1].speed_m_s
-            return left < -0.1 and right > 0.1
-
-        wait_for(turn, "the left wheel turns back, the right one forward")

@@ -3,30 +3,19 @@
 from __future__ import annotations
 
 import os
-import signal
 import socket
-import subprocess
 from pathlib import Path
 
 import pytest
-from real_robot import wait_for
 
 from yahboomd.tools.stop.unresponsive import (
     listener,
     may_drive,
     process_state,
     restarting,
-    suspended,
     true_names,
     unresponsive,
 )
-
-
-def test_a_stopped_process_is_seen_to_be_stopped() -> None:
-    with subprocess.Popen(["sleep", "60"]) as process:
-        process.send_signal(signal.SIGSTOP)
-        wait_for(lambda: process_state(process.pid) == "T", "it is stopped")
-        process.kill()
 
 
 def test_the_state_is_found_behind_a_name_with_brackets(tmp_path: Path) -> None:
@@ -42,12 +31,6 @@ def test_what_ends_a_frozen_process_is_no_sigterm() -> None:
     assert message.startswith("yahboomd (pid 12) is frozen (stopped by a signal, state T)")
     assert "kill -9 12; yahboomd stop --port /dev/x\n" in remedy
     assert "kill -CONT 12; yahboomd stop --port /dev/x" in remedy
-
-
-def test_what_only_does_not_answer_is_asked_to_end_first() -> None:
-    message, remedy = unresponsive("yahboomd (pid 12)", 12, "S", "yahboomd stop")
-    assert message == "yahboomd (pid 12) does not answer (state S)."
-    assert remedy.index("kill 12") < remedy.index("kill -9 12; yahboomd stop")
 
 
 def test_a_program_of_python_is_named_yahboomd_where_it_is_one(tmp_path: Path) -> None:
@@ -82,14 +65,6 @@ def test_the_port_on_the_command_line_tells_which_daemon_is_meant(tmp_path: Path
     assert [may_drive(pid, "/dev/a", proc=proc) for pid in (1, 2, 3)] == [True, True, True]
     assert [may_drive(pid, "/dev/b", proc=proc) for pid in (1, 2, 3)] == [False, False, True]
     assert may_drive(1, "", proc=proc)
-
-
-def test_a_suspended_daemon_is_continued_and_not_ended(tmp_path: Path) -> None:
-    message, remedy = suspended(12, "yahboomd stop --release", proc=str(tmp_path))
-    assert message == "yahboomd (pid 12) is suspended and cannot answer."
-    assert remedy == (
-        "Continue it with `fg` or `kill -CONT 12`, then repeat: yahboomd stop --release"
-    )
 
 
 def test_the_process_that_listens_where_a_daemon_is_expected_is_found() -> None:

@@ -24,11 +24,6 @@ def test_durations_are_said_as_people_say_them(s: float, said: str) -> None:
     assert words.duration(s) == said
 
 
-@pytest.mark.parametrize("value", [-0.0, -0.0004])
-def test_there_is_no_negative_zero(value: float) -> None:
-    assert words.signed(value) == "   0.000"
-
-
 @given(st.floats(-1e4, 1e4))
 def test_a_heading_in_degrees_is_wrapped_and_never_a_negative_zero(theta: float) -> None:
     said = words.degrees(theta)
@@ -39,8 +34,3 @@ def test_a_heading_in_degrees_is_wrapped_and_never_a_negative_zero(theta: float)
 def test_a_heading_keeps_its_sign_within_half_a_turn() -> None:
     assert words.degrees(math.pi / 2 - 4 * math.pi) == "90.0°"
     assert words.degrees(-math.pi / 2) == "-90.0°"
-
-
-def test_an_unknown_rate_is_a_dash() -> None:
-    assert words.rate(None, "poses") == "- poses/s"
-    assert words.rate(49.7, "poses") == "50 poses/s"

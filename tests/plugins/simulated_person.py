@@ -160,12 +160,22 @@ class SimulatedPerson:
 
 PORT = "/tmp/board"
 
+TWO = Given(
+    profile="520", kinematics="differential", wheel_diameter_mm=67.0, wheel_separation_mm=150.0
+)
 FOUR = Given(
     profile="520",
     kinematics="skid_steer",
     wheel_diameter_mm=67.0,
     wheel_separation_mm=150.0,
     wheel_base_mm=150.0,
+)
+X3 = Given(
+    profile="x3",
+    kinematics="mecanum",
+    wheel_diameter_mm=65.0,
+    wheel_separation_mm=169.0,
+    wheel_base_mm=160.0,
 )
 
 

@@ -69,17 +69,11 @@ def test_every_option_is_on_the_page_of_its_command(
                 assert f"\\fB{option.flags[-1]}\\fP" in page
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", ["", *(f"-{name}" for name in COMMANDS)])
 def test_mandoc_finds_nothing_to_complain_of(name: str, texts: dict[str, str]) -> None:
     text = texts[f"yahboomd{name}.1"]
     assert formatted(text, "mandoc", "-T", "lint", "-W", "style") == ""
-
-
-def test_a_page_reads_as_its_help_does(texts: dict[str, str]) -> None:
-    read = formatted(texts["yahboomd-stop.1"], "mandoc", "-T", "utf8", "-O", "width=100")
-    assert "yahboomd stop [--direct | --release] [--port PATH]" in read
-    assert "serial port of the board, such as /dev/ttyUSB0" in read
-    assert "EXIT STATUS 0 the wheels stand" in read
 
 
 def test_an_epilog_is_split_at_its_headings() -> None:

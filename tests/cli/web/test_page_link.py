@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ipaddress
 import os
-import re
 import time
 from pathlib import Path
 
@@ -14,17 +13,13 @@ import segno
 
 from yahboomd.core.clock import SystemClock
 from yahboomd.core.errors import ConfigError
-from yahboomd.tools.metrics.http_listener import Place
 from yahboomd.web.entry_tokens import keep, make_entry
 from yahboomd.web.page_link import (
     SERVED,
-    announce,
     end_sessions,
     last_served,
     link,
     own_addresses,
-    own_names,
-    print_links,
     print_sessions,
     qr_lines,
     reachable_hosts,
@@ -46,10 +41,6 @@ def test_every_interface_means_the_addresses_of_this_machine() -> None:
     assert not any(ipaddress.ip_address(each).is_loopback for each in own_addresses())
 
 
-def test_names_of_this_machine_are_those_that_phones_use() -> None:
-    assert any(name.endswith(".local") for name in own_names())
-
-
 def test_a_link_fits_a_terminal_as_a_qr_code_of_white_and_black() -> None:
     text = "https://192.168.100.100:8480/#token=" + "x" * 22
     lines = qr_lines(text).splitlines()
@@ -64,13 +55,6 @@ def test_a_link_fits_a_terminal_as_a_qr_code_of_white_and_black() -> None:
     dark = [row for pair in zip(upper, lower, strict=True) for row in pair]
     wanted = [[bool(each) for each in row] for row in segno.make(text, error="l").matrix_iter()]
     assert dark[: len(wanted)] == wanted
-
-
-@pytest.mark.parametrize("tls", [True, False])
-def test_where_the_page_was_served_last_is_remembered(tmp_path: Path, *, tls: bool) -> None:
-    place = Place(host="192.0.2.5", port=8480)
-    announce(tmp_path, place, SystemClock(), tls=tls)
-    assert last_served(tmp_path) == (place, tls)
 
 
 @pytest.mark.parametrize(
@@ -94,16 +78,6 @@ def test_a_damaged_memory_of_that_is_named(tmp_path: Path, content: bytes | None
         f"The page's last address is not known: {why.format(path=path)}"
     )
     assert "add --listen" in refused.value.remedy
-
-
-def test_links_are_for_one_phone_each_and_new_with_each_call(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    for _ in range(2):
-        print_links(tmp_path, Place(host="192.0.2.5", port=8480), SystemClock(), tls=False)
-    shown = capsys.readouterr().out
-    assert len(set(re.findall(r"http://192\.0\.2\.5:8480/#token=([\w-]{22})", shown))) == 4
-    assert shown.count("Each lets one phone in, once, within 15 minutes.") == 2
 
 
 def store(folder: Path, number: str, name: str, idle_s: float) -> None:

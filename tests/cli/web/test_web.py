@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import re
 import signal
 import socket
 import subprocess
-import sys
 import tomllib
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 from real_robot import Process, free_endpoint
@@ -41,31 +37,6 @@ def test_the_extra_has_what_the_commands_behind_the_page_need() -> None:
     assert needed <= set(extras["web"])
 
 
-def test_a_mistake_in_the_configuration_is_named_once() -> None:
-    web = Process("web", "--listen", "127.0.0.1:0", "--set", "zenoh.namespase=bot1")
-    assert web.end_by_itself() == 78
-    assert web.output.count("has a mistake") == 1
-    assert "Traceback" not in web.output
-
-
-def test_too_few_descriptors_are_refused_before_zenoh_panics() -> None:
-    web = subprocess.run(
-        [
-            "sh",
-            "-c",
-            'ulimit -n 16; exec "$0" -m yahboomd web --listen 127.0.0.1:0',
-            sys.executable,
-        ],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
-    assert web.returncode == os.EX_OSERR
-    assert web.stderr.startswith("yahboomd: This process may open 16 files; the page's server ")
-    assert web.stderr.count("\n") == 1
-
-
 def test_beyond_loopback_links_are_made_by_a_command_and_never_printed_into_a_log(
     tmp_path: Path,
 ) -> None:
@@ -84,6 +55,7 @@ def test_beyond_loopback_links_are_made_by_a_command_and_never_printed_into_a_lo
     assert not any(token in web.output for token in tokens)
 
 
+@pytest.mark.nightly
 def test_a_folder_that_others_may_write_to_is_refused(tmp_path: Path) -> None:
     tmp_path.chmod(0o777)
     environ = {"STATE_DIRECTORY": str(tmp_path)}
@@ -157,34 +129,6 @@ def test_a_certificate_is_made_by_one_command_and_used_from_then_on(
     assert f"{tmp_path}/web-certificate.pem" in capsys.readouterr().out
     assert main(["web", "--show-link", "--listen", "192.0.2.5:8480"]) == 0
     assert "https://192.0.2.5:8480/#" in capsys.readouterr().out
-
-
-def test_the_links_are_those_of_the_page_as_it_was_served_last(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
-    served = tmp_path / "web-served.json"
-    for tls in ("true", "false"):
-        served.write_text(f'{{"listen": "192.0.2.5:8480", "tls": {tls}}}')
-        assert main(["web", "--show-link"]) == 0
-        scheme = "https" if tls == "true" else "http"
-        assert f" {scheme}://192.0.2.5:8480/#" in capsys.readouterr().out
-    served.write_text('{"listen": "her')
-    assert main(["web", "--show-link"]) == 78
-    assert f"{served} cannot be used" in capsys.readouterr().err
-
-
-def test_without_its_extra_the_command_says_how_to_install_it(
-    yahboomd: Callable[..., Any], tmp_path: Path
-) -> None:
-    (tmp_path / "starlette").mkdir()
-    (tmp_path / "starlette" / "__init__.py").write_text(
-        "raise ModuleNotFoundError('No module named starlette', name='starlette')"
-    )
-    done = yahboomd("web", "--listen", "127.0.0.1:0", PYTHONPATH=str(tmp_path))
-    assert done.returncode == 69
-    assert "`web` needs starlette" in done.stderr
-    assert "[web]'" in done.stderr
 
 
 def test_tokens_are_kept_where_the_state_of_this_user_belongs() -> None:

@@ -9,7 +9,6 @@ from pathlib import Path
 import msgspec
 import pytest
 from made_boxes import HEADER, saved_box
-from zenoh_fixtures import free_endpoint
 
 from yahboomd.blackbox.records import DecisionRecord
 from yahboomd.blackbox.ring_file import RingFile
@@ -47,14 +46,6 @@ def blackbox(
     return run
 
 
-@pytest.mark.parametrize("verb", [(), ("list",)])
-def test_it_lists_what_was_saved(blackbox: Blackbox, verb: tuple[str, ...]) -> None:
-    status, out, _ = blackbox(*verb)
-    lines = [line.split() for line in out.splitlines() if ".ring" not in line]
-    assert status == 0
-    assert [(words[0], words[3]) for words in lines] == [("1", "disconnected"), ("2", "estop")]
-
-
 def test_for_programs_it_lists_as_json(blackbox: Blackbox) -> None:
     for arguments in (("--json",), ("list", "--json")):
         _, out, _ = blackbox(*arguments)
@@ -75,15 +66,6 @@ def test_it_explains_in_plain_words_with_times(blackbox: Blackbox) -> None:
     assert facts["why"].startswith("It stopped 12.41 s before the save")
     assert [line["before_s"] for line in facts["lines"]] == [20.0, 12.41]
     assert facts["end"] == "2026-11-22 17:55:30.00 UTC"
-
-
-def test_it_says_that_a_file_was_cut_off(blackbox: Blackbox, tmp_path: Path) -> None:
-    path = tmp_path / "copied.blackbox"
-    path.write_bytes(BOX[:-20])
-    _, out, _ = blackbox("explain", str(path))
-    assert "the file was cut off: its end is missing" in out
-    _, out, _ = blackbox("explain", "1")
-    assert "cut off" not in out
 
 
 def test_beside_a_daemon_it_names_the_box_that_is_not_saved_yet(
@@ -110,24 +92,6 @@ def test_it_exports_as_mcap(blackbox: Blackbox, tmp_path: Path) -> None:
     status, _, err = blackbox("export", "2", str(path))
     assert status == 1
     assert "there already" in err
-
-
-def test_a_file_larger_than_memory_is_refused(blackbox: Blackbox, tmp_path: Path) -> None:
-    with (tmp_path / "huge").open("wb") as file:
-        file.truncate(1 << 40)
-    for words in (("explain", "huge"), ("export", "huge", "x.mcap")):
-        status, _, err = blackbox(words[0], *(str(tmp_path / word) for word in words[1:]))
-        assert status == 78
-        assert "it is larger than any" in err
-    assert not (tmp_path / "x.mcap").exists()
-
-
-def test_what_is_not_there_is_refused(blackbox: Blackbox, tmp_path: Path) -> None:
-    status, _, err = blackbox("explain", "7")
-    assert status == 78
-    assert "`yahboomd blackbox`" in err.replace(".venv/bin/", "")
-    status, _, err = blackbox("save", "--connect", free_endpoint(), "--timeout", "0.2")
-    assert status == 69
 
 
 def box_of(namespace: str, port: str, listen: str, why: str) -> bytes:

@@ -71,11 +71,6 @@ def test_an_empty_box_is_refused_and_leaves_nothing(tmp_path: Path, image: bytes
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
-    with pytest.raises(Refused, match=r"missing/x\.mcap cannot"):
-        export(read_box(saved_box(*HAPPENED)), tmp_path / "missing" / "x.mcap")
-
-
 def test_what_ends_it_leaves_no_half_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def ctrl_c(*_arguments: object) -> None:
         raise KeyboardInterrupt

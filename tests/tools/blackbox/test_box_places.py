@@ -9,10 +9,10 @@ import pytest
 from made_boxes import HEADER, SECOND_NS, WALL_NS, ring_of, saved_box
 
 from yahboomd.blackbox.records import DecisionRecord
-from yahboomd.blackbox.ring_file import RingFile, ring_folder
+from yahboomd.blackbox.ring_file import RingFile
 from yahboomd.blackbox.saved_boxes import save_box
 from yahboomd.core.errors import ConfigError
-from yahboomd.tools.blackbox.box_places import Found, Places, boxes, choose, load, places
+from yahboomd.tools.blackbox.box_places import Found, Places, boxes, choose, load
 
 
 def filled(folder: Path) -> Places:
@@ -82,24 +82,3 @@ def test_what_is_not_there_or_not_clear_is_refused_with_a_remedy(tmp_path: Path)
     (tmp_path / "text").write_text("no box")
     with pytest.raises(ConfigError, match="no black box of yahboomd"):
         load(tmp_path / "text")
-
-
-def test_folders_of_services_of_this_user_and_of_the_configuration_are_looked_into(
-    tmp_path: Path,
-) -> None:
-    runtime = tmp_path / "run"
-    runtime.mkdir()
-    found = places({"RUNTIME_DIRECTORY": str(runtime)}, tmp_path / "own")
-    assert found.saved[0] == tmp_path / "own"
-    assert {runtime, ring_folder(runtime, os.getuid())} <= {*found.rings}
-
-
-def test_a_folder_that_may_not_be_read_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(os, "access", lambda *_: False)
-    own = tmp_path / "own"
-    own.mkdir()
-    where = places({}, own)
-    assert own in where.denied
-    assert [each for each in boxes(where) if each.path.is_relative_to(own)] == []

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import get_args
 
-import msgspec
 import pytest
 from made_boxes import HEADER, into, ring_of, saved_box
 from robot_bench import RobotBench
@@ -52,18 +51,6 @@ def test_it_says_when_and_why_it_stopped_last() -> None:
     assert found.why == "It stopped 12.41 s before the save: Emergency stop, engaged by Ann."
 
 
-def test_a_robot_that_did_not_drive_or_drives_on_has_no_stop() -> None:
-    assert retold((5.0, SILENT))[0].why == (
-        "It did not drive in the time that is recorded. Its state: No command for 0.5 s."
-    )
-    assert retold((5.0, DRIVES))[0].why == "It drives to the end of the record."
-
-
-def test_what_a_killed_daemon_left_is_counted_from_its_end() -> None:
-    box = read_box(ring_of((12.0, DRIVES), (3.0, SILENT), (1.0, records.Closed())))
-    assert story(box).why == "It stopped 2.00 s before the end: No command for 0.5 s."
-
-
 def test_commands_that_are_alike_are_one_line_until_the_source_falls_silent() -> None:
     _, lines = retold(
         *commands(20.0, 40, vx=0.3), *commands(18.0, 3), *commands(9.0, 2, vx=0.1, wz=1.0)
@@ -72,18 +59,6 @@ def test_commands_that_are_alike_are_one_line_until_the_source_falls_silent() ->
         (20.0, "command", "cmd_vel: 40 commands for 1.95 s, the first 0.30 m/s, 0.00 rad/s."),
         (18.0, "command", "cmd_vel: 3 commands for 0.10 s, the first 0.00 m/s, 0.00 rad/s."),
         (9.0, "command", "cmd_vel: 2 commands for 0.05 s, the first 0.10 m/s, 1.00 rad/s."),
-    ]
-
-
-def test_refused_commands_say_why() -> None:
-    refused = records.CommandRecord(source="nav", vx=0.1, vy=0.2, wz=0.0, refused="lower_priority")
-    _, lines = retold((3.0, refused))
-    assert lines == [
-        (
-            3.0,
-            "command",
-            "nav: 0.10 m/s, 0.20 m/s to the left, 0.00 rad/s: refused (lower_priority).",
-        )
     ]
 
 
@@ -160,21 +135,6 @@ def test_the_summary_names_robot_time_and_reason() -> None:
     ]
     assert "not saved yet" in summary(read_box(ring_of((80.0, SILENT))))
     assert "0 records" in summary(read_box(ring_of()))
-
-
-def test_the_moments_of_a_box_are_found_in_one_look_at_its_records() -> None:
-    class Looked(list[records.Record]):
-        looks = 0
-
-        def __iter__(self) -> Iterator[records.Record]:
-            self.looks += 1
-            return super().__iter__()
-
-    box = read_box(saved_box((80.0, SILENT), (40.0, DRIVES)))
-    looked = Looked(box.records)
-    wall_clock_ns = wall_clock(msgspec.structs.replace(box, records=looked))
-    assert wall_clock_ns(looked[1].at_ns) - wall_clock_ns(looked[0].at_ns) == 40 * 10**9
-    assert looked.looks == 1
 
 
 # What stops a robot, produced on a simulated one, and the sentence about it.
@@ -325,6 +285,7 @@ CAUSES: dict[str, tuple[Happens, dict[str, object], tuple[str, ...], str]] = {
 """What happens: its simulation, the configuration, and the words that name it."""
 
 
+@pytest.mark.cases(6)
 @pytest.mark.parametrize("cause", CAUSES)
 @on_virtual_time
 async def test_every_cause_is_named(tmp_path: Path, cause: str) -> None:
@@ -360,14 +321,6 @@ def test_an_end_of_moves_is_explained_with_who_asked_and_why(reason: str, words:
 
 def test_every_reason_of_an_end_of_moves_has_its_words() -> None:
     assert set(MOVE_ENDS) == set(get_args(Reason))
-
-
-def test_moves_that_ended_long_before_are_not_why_it_stopped() -> None:
-    label = "cmd_vel/moves (moves of my program: reached)"
-    found, _ = retold(
-        (9.0, records.CommandRecord(source=label, **ZERO)), (8.0, DRIVES), (5.0, SILENT)
-    )
-    assert "moves of" not in found.why
 
 
 @on_virtual_time

@@ -5,14 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from bench_client import BenchClient, TapeAndMarks, calibrated
+from bench_client import BenchClient, TapeAndMarks
 from made_calibrations import calibration
 from robot_bench import RobotBench
 
 from yahboomd.core.config import Config, Loaded, read
 from yahboomd.core.errors import ConfigError, Refused, YahboomdError
 from yahboomd.core.model import Pose2d
-from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 from yahboomd.tools.calibrate.calibration import calibrate, ended, undo
 from yahboomd.tools.calibrate.calibration_writing import write_calibration
@@ -24,19 +23,6 @@ NOWHERE = Pose2d(x=0.0, y=0.0, theta=0.0)
 
 def loaded(config: Config, path: Path | None) -> Loaded:
     return Loaded(config, None, calibration_path=path)  # type: ignore[arg-type]
-
-
-@on_virtual_time
-async def test_a_tape_finds_the_true_size_and_writes_it(tmp_path: Path) -> None:
-    robot = SimulationOptions(wheel_radius_m=0.0345, wheel_separation_m=0.162)
-    async with RobotBench(tmp_path, (), robot) as bench:
-        await bench.ready()
-        person = await calibrated(bench, QUICK, tmp_path)
-    chassis = read(None, environ={"STATE_DIRECTORY": str(tmp_path)}).config.chassis
-    assert chassis.wheel_radius_multiplier["left"] == pytest.approx(0.0345 / 0.0335, rel=2e-3)
-    assert chassis.wheel_separation_multiplier == pytest.approx(0.162 / 0.150, rel=2e-3)
-    assert person.runs == ["straight", "turn left", "turn right"]
-    assert person.facts["written"] == str(tmp_path / "calibration.toml")
 
 
 @pytest.mark.parametrize(

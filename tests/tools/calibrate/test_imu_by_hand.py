@@ -189,11 +189,3 @@ async def test_a_board_without_a_sensor_is_refused_before_anything_is_asked() ->
     with pytest.raises(Refused, match="no samples"):
         await bench.run()
     assert bench.questions == []
-
-
-@on_virtual_time
-async def test_lost_samples_are_refused() -> None:
-    bench = Bench(Config(), axes="x y z", turns=3.0)
-    bench.lose = True
-    with pytest.raises(Refused, match="lost"):
-        await bench.run()

@@ -92,6 +92,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     "options", [("--frames", "map", "laser"), ("--topic", "/slam")], ids=["tf", "odometry"]
 )
@@ -118,6 +119,7 @@ def test_what_is_not_there_is_named_with_what_is(bag: Path, tmp_path: Path) -> N
         tracks([tmp_path / "none"], Config(), topic="/slam", frames=None)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("left", [0, 100, 40_000, 300_000])
 def test_a_damaged_bag_is_refused_in_words(bag: Path, tmp_path: Path, left: int) -> None:
     shutil.copytree(bag, tmp_path / "run")

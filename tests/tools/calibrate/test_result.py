@@ -86,22 +86,6 @@ def test_an_x3_that_counts_1040_is_not_called_a_sunrise(tmp_path: Path, capsys) 
     capsys.readouterr()
 
 
-def test_only_the_distance_of_the_sides_of_a_mecanum_base_is_calibrated(tmp_path: Path) -> None:
-    config = read(
-        None, environ={}, overrides=["chassis.preset=mecanum", "chassis.wheel_base_m=0.15"]
-    ).config
-    path = tmp_path / "calibration.toml"
-    concluded(GOOD, config, path, method="tape", dry_run=False, person=Answers())
-    found = read(
-        None,
-        environ={"STATE_DIRECTORY": str(tmp_path)},
-        overrides=["chassis.preset=mecanum", "chassis.wheel_base_m=0.15"],
-    ).config
-    # Half of both sums is 0.95 times as long.
-    turning = config.kinematics().inverse[3][2]
-    assert found.kinematics().inverse[3][2] == pytest.approx(0.95 * turning, rel=1e-5)
-
-
 async def test_a_slow_disk_holds_up_no_loop_and_a_cancellation_does_not_cut_a_file(
     tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch
 ) -> None:

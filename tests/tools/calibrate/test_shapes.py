@@ -17,7 +17,7 @@ from yahboomd.core.errors import Refused
 from yahboomd.core.model import Twist2d
 from yahboomd.simulation.virtual_time import on_virtual_time
 from yahboomd.tools.calibrate import shapes
-from yahboomd.tools.calibrate.shapes import Leg, LegDriver, Sides, sideways, square
+from yahboomd.tools.calibrate.shapes import Leg, LegDriver, Sides, sideways
 
 
 def config(preset: str):
@@ -57,14 +57,6 @@ def test_a_leg_is_done_by_the_counts_and_lasts_no_longer_than_it_says() -> None:
     assert back.limit_s == pytest.approx(12.5)
     right = Leg(0.0, -1.0, math.pi)
     assert right.done(0.1, -0.1, 0.2) == pytest.approx(1.0)
-
-
-def test_a_square_ends_as_it_began() -> None:
-    legs = square(2.0, 0.2, 1.0, left=False)
-    assert sum(math.copysign(leg.amount, leg.wz) for leg in legs if leg.wz) == pytest.approx(
-        -2.0 * math.pi
-    )
-    assert [leg.amount for leg in legs if leg.vx] == [2.0] * 4
 
 
 def test_a_mecanum_base_counts_its_way_to_the_side_and_turns_by_wheels_and_axles() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +57,36 @@ async def test_the_way_onto_its_mark_is_no_part_of_a_run(tmp_path: Path) -> None
         assert truth(bench).x > 0.7
 
 
+class _Resetting(TapeAndMarks):
+    """The board resets itself in the first run."""
+
+    def __init__(self, bench: RobotBench) -> None:
+        super().__init__(lambda: truth(bench), 1)
+        self._bench = bench
+        self.announced: list[str] = []
+
+    async def start(self, name: str, words: str, bounds: LargestMove) -> None:
+        await super().start(name, words, bounds)
+        self.announced.append(words)
+        if len(self.announced) == 1:
+            reset = partial(self._bench.robot.reset, self._bench.clock.now_ns() + 800_000_000)
+            asyncio.get_running_loop().call_later(0.8, reset)
+
+
+@on_virtual_time
+async def test_a_run_in_which_the_board_reset_itself_does_not_count(tmp_path: Path) -> None:
+    async with RobotBench(tmp_path) as bench:
+        await bench.ready()
+        choices = TapeRuns(straight_m=0.5, speed_m_s=0.4, turns=1, turn_speed_rad_s=2.0)
+        person = _Resetting(bench)
+        async with BenchClient(bench) as client:
+            driver = LegDriver(client, bench.config, "cmd_vel", clock=bench.clock)  # type: ignore[arg-type]
+            await MeasuredRuns(driver, person, choices).by_tape(choices, bend=False)
+    assert "This run does not count" in person.announced[1]
+    assert person.asked == ["move", "move", "length", *["move", "beyond"] * 2]
+
+
+@pytest.mark.nightly
 @on_virtual_time
 async def test_squares_and_a_straight_are_measured_at_their_ends(tmp_path: Path) -> None:
     choices = SquareRuns(count=1, side_m=0.4, speed_m_s=0.4, turn_speed_rad_s=2.0, straight_m=1.0)

@@ -50,8 +50,3 @@ def test_only_a_certificate_with_hosts_serves_and_only_the_authority_signs() -> 
         for each in (person, router, read(root))
     }
     assert signs == {"CN=person.vera": False, "CN=router": False, "CN=robots of farm": True}
-
-
-def test_an_authority_is_not_made_from_a_file_that_is_none() -> None:
-    with pytest.raises(ValueError, match="PEM"):
-        Authority(Issued(b"nonsense", b"nonsense"))

@@ -9,22 +9,19 @@ from contextlib import asynccontextmanager
 import daemon_samples
 import msgspec
 import pytest
-import zenoh
-from zenoh.handlers import Callback
 
 pytest.importorskip("cryptography")
 
 from fleet_bench import LATE, ROBOTS, FleetBench
-from zenoh_fixtures import eventually, free_endpoint
+from zenoh_fixtures import eventually
 
 from yahboomd.cli.main import main
-from yahboomd.core.bus.options import BusOptions, zenoh_config
 from yahboomd.core.clock import SystemClock
 from yahboomd.core.messages.codecs import encode
 from yahboomd.core.messages.native import ServiceReply
-from yahboomd.tools.fleet.fleet_feed import MOST_BYTES, FleetFeed
+from yahboomd.tools.fleet.fleet_feed import FleetFeed
 from yahboomd.tools.fleet.fleet_list import FleetList, read_list
-from yahboomd.tools.fleet.fleet_view import MOST_UNLISTED, FleetView, RobotRow
+from yahboomd.tools.fleet.fleet_view import FleetView, RobotRow
 
 pytestmark = pytest.mark.realtime
 
@@ -98,115 +95,6 @@ def test_the_command_waits_for_every_robot_of_the_list_and_ends_by_it(
     found = msgspec.json.decode(capsys.readouterr().out, type=list[RobotRow])
     assert [row.robot for row in found if row.needs] == [LATE]
     assert {row.version for row in found if row.can_drive} == {"0.9"}
-
-
-async def test_without_the_router_above_each_site_is_asked_by_its_own(bench: FleetBench) -> None:
-    whole = read_list(bench.file("people/vera"))
-    top, *sites = whole.ways
-    nobody = f"tls/{free_endpoint().removeprefix('tcp/')}"
-    ways = {nobody: whole.ways[top]} | {site: whole.ways[site] for site in sites}
-    async with looking(msgspec.structs.replace(whole, ways=ways), bench, "vera") as feed:
-        await eventually(lambda: sum(row.can_drive for row in rows(feed).values()) == 3)
-
-
-async def test_a_liar_with_a_robots_certificate_changes_its_own_row_alone(
-    bench: FleetBench,
-) -> None:
-    liar = bench.robots["bot2"].sessions[0]
-    lie = encode(daemon_samples.status("fault", why="A lie."), "json")
-
-    def answer(query: zenoh.Query) -> None:
-        for key in (f"{ONE}/yahboomd/status", f"{THREE}/yahboomd/status", f"{TWO}/yahboomd/status"):
-            try:
-                query.reply(key, lie)
-            except zenoh.ZError:
-                continue
-        query.drop()
-
-    bench.robots["bot2"].answers = {}
-    lying = liar.declare_queryable("farm/*/*/yahboomd/status", Callback(answer, indirect=False))
-    own = liar.declare_queryable(f"{TWO}/yahboomd/status", Callback(answer, indirect=False))
-    fakes = [
-        liar.liveliness().declare_token(f"{place}{number}/yahboomd/alive/{number}")
-        for place in ("farm/north/fake", f"{TWO}/fake")
-        for number in range(300)
-    ]
-    fakes.append(liar.liveliness().declare_token(f"{TWO}/yahboomd/alive/last"))
-    async with looking(read_list(bench.file("people/vera")), bench, "vera") as feed:
-        await eventually(lambda: rows(feed)[TWO].needs == "fault" and rows(feed)[ONE].can_drive)
-        found = rows(feed)
-        assert found[THREE].why != "A lie."
-        # Below its own namespace it may pretend whatever it wants: it is in no place of robots.
-        assert [*found] == [TWO, LATE, ONE, THREE]
-    for each in (lying, own, *fakes):
-        each.undeclare()
-    bench.robots["bot2"].answers = bench.robots["bot1"].answers
-
-
-OLDER = {
-    "stamp_ns": 1,
-    "state": "standing",
-    "driver": None,
-    "since_ns": 1,
-    "why": "At rest.",
-    **{group: {} for group in ("board", "link", "command", "bus")},
-}
-"""A status of version 0.1 with nothing that came later."""
-
-NEWER = {
-    **OLDER,
-    "state": "parked",
-    "mood": [1, {"sunny": True}],
-    "board": {"volts": 12.0, "cells": [4.0, [4.1]], "battery": "splendid"},
-    "bus": {"zid": "c", "peers": {"a": {"b": {"c": {"d": {"e": 1}}}}}},
-}
-"""One of a later version: a state, fields and shapes that this one does not know."""
-
-
-async def test_robots_of_an_older_and_of_a_later_version_are_both_there() -> None:
-    endpoint = free_endpoint()
-    with zenoh.open(zenoh_config(BusOptions(listen=(endpoint,), connect=()))) as router:
-        for name, facts in (("old", OLDER), ("new", NEWER)):
-            key, payload = f"{name}/yahboomd/status", msgspec.json.encode(facts)
-
-            def answer(query: zenoh.Query, key: str = key, payload: bytes = payload) -> None:
-                query.reply(key, payload)
-                query.drop()
-
-            router.declare_queryable(key, Callback(answer, indirect=False))
-        fleet = FleetList(person="", role="maintainer", ways={endpoint: [""]}, robots=[])
-        async with looking(fleet, None) as feed:
-            await eventually(lambda: [*rows(feed)] == ["new", "old"])
-            found = rows(feed)
-    assert (found["old"].needs, found["old"].can_drive) == ("", True)
-    # Whoever does not know its state does not claim that it may drive.
-    assert (found["new"].needs, found["new"].can_drive) == ("unknown state", False)
-    assert (found["new"].state, found["new"].volts) == ("parked", 12.0)
-
-
-async def test_a_flood_of_robots_of_no_list_leaves_the_listed_one_and_a_number() -> None:
-    """Without access rules: tokens and answers of thousands that do not exist."""
-    endpoint = free_endpoint()
-    options = BusOptions(listen=(endpoint,), connect=())
-    with zenoh.open(zenoh_config(options)) as router:
-
-        def answer(query: zenoh.Query) -> None:
-            for number in range(3000):
-                query.reply(f"f\x1b[2J{number}/yahboomd/status", STANDING)
-            for payload in (b"\xff" * 40, b"{", b'{"state": 3}', b"x" * (MOST_BYTES + 1), STANDING):
-                query.reply("mine/yahboomd/status", payload)
-            query.drop()
-
-        router.declare_queryable("**", Callback(answer, indirect=False))
-        tokens = [
-            router.liveliness().declare_token(f"fake{number}/yahboomd/alive/1")
-            for number in range(1000)
-        ]
-        fleet = FleetList(person="", role="viewer", ways={endpoint: [""]}, robots=["mine"])
-        async with looking(fleet, None) as feed:
-            await eventually(lambda: rows(feed)["mine"].can_drive and feed.view.left_out > 2000)
-            assert len(rows(feed)) == MOST_UNLISTED + 1
-        del tokens
 
 
 async def test_whatever_else_is_due_comes_between_two_answers() -> None:

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import json
 import stat
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -12,10 +11,8 @@ from ruamel.yaml import YAML
 
 pytest.importorskip("cryptography")
 
-from yahboomd.core.bus.options import BusOptions, zenoh_config
 from yahboomd.core.config import Config
 from yahboomd.core.config import read as read_config
-from yahboomd.core.errors import ConfigError
 from yahboomd.tools.fleet.authority import end_of, name_in
 from yahboomd.tools.fleet.fleet_files import FleetFolder, identity_in, rules_in
 from yahboomd.tools.fleet.fleet_list import read_zenoh
@@ -93,15 +90,6 @@ def test_each_file_has_the_certificate_of_its_name_and_closes_links_as_it_ends(
         assert file["transport"]["link"]["tls"]["close_link_on_expiration"] is True
 
 
-def test_a_persons_programs_wait_for_a_way_of_two_seconds_and_their_session_for_them(
-    made: FleetFolder,
-) -> None:
-    """TLS and Zenoh take five round trips, of 0.4 s over a bad mobile connection."""
-    options = BusOptions(mode="client", config_file=made.paths()["person.vera"])
-    wait_ms = json.loads(zenoh_config(options).get_json("connect/timeout_ms"))
-    assert 2000 < wait_ms < 1000 * options.open_timeout_s
-
-
 def test_a_robots_settings_are_valid_and_name_its_place_and_its_router(
     made: FleetFolder,
 ) -> None:
@@ -150,13 +138,6 @@ def test_the_inventory_lists_robots_by_site_and_routers_with_their_files_and_no_
     assert set(listed()["routers"]["hosts"]) == {"router.north", "above.router"}
 
 
-def test_an_authority_is_made_once(made: FleetFolder) -> None:
-    key = (made.folder / "authority.key").read_bytes()
-    with pytest.raises(ConfigError, match="has an authority already"):
-        made.begin()
-    assert (made.folder / "authority.key").read_bytes() == key
-
-
 def test_adding_writes_the_files_that_are_new_or_whose_rules_changed(
     made: FleetFolder, tmp_path: Path
 ) -> None:
@@ -200,35 +181,6 @@ def test_a_revoked_certificate_is_in_no_rule_and_the_files_that_had_it_are_liste
         assert "person.dan" not in path.read_text(), path
     assert not (made.folder / "people/dan.json5").exists()
     assert made.write() == []
-
-
-def test_a_revoked_robot_and_a_revoked_router_lose_their_rights_too(made: FleetFolder) -> None:
-    made.revoke("robot.bot1")
-    assert names(made, made.write()) == {
-        "routers/north.json5",
-        "people/vera.json5",
-        "people/dan.json5",
-    }
-    assert "robot.bot1" not in subjects(made, "routers/north.json5")
-    assert not (made.folder / "robots/bot1.toml").exists()
-    made.revoke("router.south")
-    assert names(made, made.write()) == {"router.json5", "robots/bot2.json5"}
-    assert "router.south" not in subjects(made, "robots/bot2.json5")
-
-
-def test_what_cannot_be_revoked_read_or_trusted_is_refused(made: FleetFolder) -> None:
-    with pytest.raises(ConfigError, match=r"no certificate of 'person\.nobody'"):
-        made.revoke("person.nobody")
-    (made.folder / "people/dan.json5").write_text("{}")
-    with pytest.raises(ConfigError, match="is no file of `yahboomd fleet`"):
-        made.write()
-    (made.folder / "people/dan.json5").unlink()
-    (made.folder / "authority.key").chmod(0o640)
-    with pytest.raises(ConfigError, match=r"Others may read .*authority\.key"):
-        made.write()
-    (made.folder / "authority.key").unlink()
-    with pytest.raises(ConfigError, match="There is no authority"):
-        made.write()
 
 
 def test_a_site_called_all_gives_its_people_no_right_at_another_site(tmp_path: Path) -> None:
@@ -279,9 +231,3 @@ def test_an_interrupted_run_is_made_whole_by_a_second_one(tmp_path: Path) -> Non
         "routers/north.json5",
         "robots/bot1.json5",
     }
-
-
-def test_a_file_in_the_place_of_the_folder_is_named(tmp_path: Path) -> None:
-    (tmp_path / "fleet").write_text("")
-    with pytest.raises(ConfigError, match="is a file, and the fleet's folder has this name"):
-        folder(tmp_path).begin()

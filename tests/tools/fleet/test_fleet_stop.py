@@ -114,19 +114,6 @@ def test_a_robot_that_left_and_came_again_has_to_acknowledge_again(stop: FleetSt
     assert ONE not in stop.missing
 
 
-def test_a_robot_that_appears_is_asked_at_once(stop: FleetStop) -> None:
-    assert stop.seen(ONE, present=True)
-    assert not stop.seen(ONE, present=True)
-
-
-def test_a_robot_that_is_in_no_list_and_answers_is_in_the_report(stop: FleetStop) -> None:
-    for robot in BOTS:
-        stop.answered(robot, reply(), 0.1)
-    stop.answered("farm/south/new", reply(stands=False, speed=1.0), 0.2)
-    assert stop.report()[0] == "4 of 4 robots acknowledged, the last after 0.20 s; 3 stand."
-    assert not stop.is_over(0.2)
-
-
 @pytest.mark.parametrize(
     "payload",
     [
@@ -142,20 +129,6 @@ def test_an_answer_of_another_version_acknowledges_and_claims_nothing(payload: b
     assert stop.missing == []
     assert not stop.all_stand
     assert stop.report()[1:] == [f"{ONE}: stopped; no counts show whether its wheels stand."]
-
-
-def test_progress_names_some_of_many() -> None:
-    stop = FleetStop(f"farm/north/bot{n}" for n in range(50))
-    assert stop.progress().endswith("farm/north/bot5 and 44 more.")
-
-
-def test_a_stop_of_no_robots_is_never_over_and_nothing_is_claimed() -> None:
-    stop = FleetStop(())
-    assert not stop.is_over(0.0)
-    assert not stop.all_stand
-    stop.answered(ONE, reply(), 0.1)
-    assert stop.is_over(0.1)
-    assert stop.all_stand
 
 
 def test_a_stop_that_is_asked_for_once_more_has_every_robot_acknowledge_anew(

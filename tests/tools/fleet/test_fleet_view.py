@@ -81,35 +81,6 @@ def test_a_row_has_what_the_robot_told() -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("chassis", "calibrated"),
-    [
-        ({"wheel_separation_multiplier": 1.0, "wheel_radius_multiplier": 1.0}, False),
-        ({"wheel_radius_multiplier": {"left": 1.0, "right": 0.98}}, True),
-        ({"wheel_radius_multiplier": {"left": "one"}}, None),
-        ({}, None),
-        ("none", None),
-    ],
-)
-def test_a_robot_is_calibrated_if_a_multiplier_is_not_one(
-    chassis: object, calibrated: bool | None
-) -> None:
-    view = FleetView(["bot1"])
-    view.answered("bot1", status(), 0)
-    view.configured("bot1", {"chassis": chassis})
-    assert row_of(view, "bot1").calibrated is calibrated
-    assert view.unconfigured() == ({"bot1": "a1"} if calibrated is None else {})
-
-
-def test_another_daemon_of_the_same_robot_has_to_tell_its_version_and_calibration_anew() -> None:
-    view = FleetView(["bot1"])
-    view.answered("bot1", status(), 0)
-    view.configured("bot1", {"version": "1", "chassis": {"sideways_multiplier": 2}})
-    view.answered("bot1", status(bus={"zid": "b2"}), 0)
-    assert (row_of(view, "bot1").version, row_of(view, "bot1").calibrated) == ("", None)
-    assert view.unconfigured() == {"bot1": "b2"}
-
-
 def test_a_robot_that_leaves_is_missed_at_once_and_one_that_falls_silent_after_a_while() -> None:
     view = FleetView(["bot1", "bot2"])
     for robot in ("bot1", "bot2"):
@@ -147,14 +118,6 @@ def test_a_name_that_nothing_proves_is_marked(by: str, claimed: bool) -> None:
     row = row_of(view, "bot1")
     assert row.claimed is claimed
     assert ("Nothing proves that name." in cells(row)[-1]) is claimed
-
-
-@pytest.mark.parametrize("volts", [1e300, -1e300, math.inf, math.nan, 10**400, True, "12", [12]])
-def test_a_number_that_is_none_is_left_out(volts: Any) -> None:
-    view = FleetView(["liar"])
-    view.answered("liar", status(board={"volts": volts}, since_ns=-(10**30)), 0)
-    assert (row_of(view, "liar").volts, row_of(view, "liar").state_s) == (None, None)
-    assert max(map(len, cells(row_of(view, "liar")))) < 20
 
 
 def test_lies_are_cut_and_cleaned_and_numbers_that_are_none_are_left_out() -> None:

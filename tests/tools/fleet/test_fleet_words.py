@@ -60,10 +60,3 @@ def test_a_name_commands_no_terminal_and_has_an_end() -> None:
     assert line.isprintable()
     assert len(line.split()[0]) <= LONGEST_WORD
     assert one_line(row).isprintable()
-
-
-def test_a_line_of_a_log_has_what_a_person_needs() -> None:
-    assert one_line(GOOD) == (
-        "farm/north/bot1  driving 3.0 s  driven by cmd_vel  12.2 V  cmd_vel drives."
-    )
-    assert one_line(LOST) == "bot2  lost in motion  was driving  -"

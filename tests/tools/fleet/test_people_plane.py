@@ -20,7 +20,7 @@ from yahboomd.core.daemon.requests import Services
 from yahboomd.core.messages.native import ServiceReply
 from yahboomd.core.model import Event
 from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
-from yahboomd.tools.fleet.people_keys import NAMED, claims_a_name, own_stop
+from yahboomd.tools.fleet.people_keys import claims_a_name, own_stop
 from yahboomd.tools.fleet.people_plane import DriverWatch, PeoplePlane, RequestsByName, people_of
 
 
@@ -72,15 +72,6 @@ def started(bench: RobotBench, *people: str) -> tuple[Offers, DriverWatch]:
 
 def asked(bench: RobotBench) -> list[Any]:
     return [event.data for event in bench.heard.events if event.kind == "asked_by_name"]
-
-
-@on_virtual_time
-async def test_each_person_has_a_key_of_every_service_that_changes_something(
-    tmp_path: Path,
-) -> None:
-    async with RobotBench(tmp_path) as bench:
-        bus, _ = started(bench, "anna", "ben")
-        assert [*bus.handlers] == [own_key(key, who) for who in ("anna", "ben") for key in NAMED]
 
 
 @on_virtual_time
@@ -169,23 +160,6 @@ async def test_a_flood_of_requests_becomes_an_event_in_ten_seconds_and_each_is_c
     assert len(events) == 4
     record.note("anna", keys.ODOMETRY_SET_POSE, refusal)
     assert events[4].data == {**data[0], "times": 1}
-
-
-@on_virtual_time
-async def test_another_outcome_is_an_event_of_its_own(tmp_path: Path) -> None:
-    async with RobotBench(tmp_path) as bench:
-        await bench.ready()
-        bus, _ = started(bench, "anna")
-        reset = own_key(keys.ODOMETRY_RESET, "anna")
-        assert (await bus.ask(reset))["success"]
-        for payload in (b'{"x": 1}', b'{"x": 1, "y": 2, "theta": 0}', b'{"x": 3}'):
-            await bus.ask(own_key(keys.ODOMETRY_SET_POSE, "anna"), payload)
-        found = [(each["key"], each["done"]) for each in asked(bench)]
-        assert found == [
-            (keys.ODOMETRY_RESET, True),
-            (keys.ODOMETRY_SET_POSE, False),
-            (keys.ODOMETRY_SET_POSE, True),
-        ]
 
 
 def test_people_are_those_with_a_source_at_a_robot_of_a_fleet() -> None:

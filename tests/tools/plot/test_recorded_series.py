@@ -34,6 +34,7 @@ def test_what_stands_before_a_cut_is_read(tmp_path: Path) -> None:
     assert recording.is_cut
 
 
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("seed", range(20))
 def test_what_stands_before_flipped_bits_is_read_or_the_file_is_refused(
     tmp_path: Path, seed: int

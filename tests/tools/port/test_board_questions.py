@@ -11,7 +11,7 @@ from board_bench import LinkBench
 from yahboomd.core.link.conversation import Conversation
 from yahboomd.core.link.line import Line
 from yahboomd.simulation.virtual_time import on_virtual_time
-from yahboomd.tools.port.board_questions import read_battery, read_counters, why_silent
+from yahboomd.tools.port.board_questions import read_battery, read_counters
 
 
 @contextlib.asynccontextmanager
@@ -44,17 +44,3 @@ async def test_the_polled_board_has_no_voltage_and_is_not_waited_for() -> None:
         start_ns = board.now_ns
         assert await read_battery(talk) is None
         assert board.now_ns == start_ns
-
-
-@on_virtual_time
-async def test_the_voltage_is_the_boards_own() -> None:
-    board = LinkBench(battery_volts=11.4)
-    async with talking(board) as talk:
-        assert await read_battery(talk) == pytest.approx(11.4, abs=0.2)
-
-
-@on_virtual_time
-async def test_a_board_that_was_not_asked_to_report_is_silent_for_no_reason() -> None:
-    board = LinkBench()
-    async with talking(board) as talk:
-        assert await why_silent(talk) == ""

@@ -5,18 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from zenoh_fixtures import free_endpoint
 
-from yahboomd.core.bus import keys
-from yahboomd.core.bus.bus import Bus
-from yahboomd.core.bus.options import BusOptions
-from yahboomd.core.bus.services import Response
-from yahboomd.core.config import Config
-from yahboomd.core.messages.codecs import encode
-from yahboomd.core.messages.native import ServiceReply
 from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.core.protocol.settings import is_complete
-from yahboomd.tools.probe.probe_client import ask_board, examination
+from yahboomd.tools.probe.probe_client import examination
 
 FACTS: dict[str, Any] = {
     "port": "/dev/board",
@@ -54,24 +46,3 @@ def test_a_polled_board_has_no_settings() -> None:
 )
 def test_facts_that_make_no_sense_are_none(facts: dict[str, Any]) -> None:
     assert examination(facts) is None
-
-
-@pytest.mark.realtime
-async def test_the_daemon_that_is_there_is_asked(patience: None) -> None:
-    endpoint = free_endpoint()
-    facts = ServiceReply(success=True, message="", data=FACTS)
-
-    def reply(*_: object) -> Response:
-        return Response(payload=encode(facts, "json"))
-
-    async with Bus(BusOptions(listen=(endpoint,), connect=())) as bus:
-        bus.serve(keys.BOARD, reply, fallback=reply)
-        asked = await ask_board((endpoint,), Config())
-        assert asked is not None
-        assert asked.port == "/dev/board"
-        assert asked.found == examination(FACTS)
-        facts = ServiceReply(success=False, message="No board is connected.")
-        without_board = await ask_board((endpoint,), Config())
-        assert without_board is not None
-        assert without_board.found is None
-    assert await ask_board((endpoint,), Config()) is None

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import re
-
 import msgspec
 
 from yahboomd.core.link.discovery import Candidate
-from yahboomd.core.protocol.four_channel.stored import TABLE
 from yahboomd.tools.probe.probe_report import Report, SettingRow
 from yahboomd.tools.probe.probe_text import (
     NOT_READY,
     READY,
-    columns,
     listing,
-    painted,
-    shown,
     text,
     verdict,
 )
@@ -61,17 +55,6 @@ def test_settings_stand_beside_the_profile() -> None:
     )
 
 
-def test_what_is_unknown_is_left_out_or_named() -> None:
-    bare = text(Report(port="/dev/x", device="/dev/x", dialect="polled"))
-    assert bare == [
-        "port        /dev/x",
-        "board       Yahboom 4-channel motor driver, polled dialect",
-        "settings    none: a board of this dialect stores nothing",
-    ]
-    row = SettingRow(name="encoder lines", command="mline", have=None, want=11, differs=False)
-    assert shown(row, TABLE) == ("not known", "11")
-
-
 def test_differences_alone_leave_the_board_ready() -> None:
     lines = verdict(FOUND)
     assert lines[0] == READY
@@ -82,16 +65,6 @@ def test_differences_alone_leave_the_board_ready() -> None:
 def test_a_problem_comes_before_advice_and_denies_it() -> None:
     lines = verdict(msgspec.structs.replace(FOUND, problems=("Zero lines.",), advice=("Charge.",)))
     assert lines == [NOT_READY, "  - Zero lines.", "  - Charge."]
-
-
-def test_long_points_are_wrapped_under_themselves() -> None:
-    lines = verdict(msgspec.structs.replace(FOUND, problems=("word " * 40,)), width=60)
-    assert max(map(len, lines)) <= 60
-    assert all(line.startswith("    word") for line in lines[2:])
-
-
-def test_columns_are_as_wide_as_their_widest_cell() -> None:
-    assert columns([("a", "bbb"), ("cc", "")]) == ["a    bbb", "cc"]
 
 
 def test_ports_are_listed_with_the_name_that_stays() -> None:
@@ -108,12 +81,3 @@ def test_ports_are_listed_with_the_name_that_stays() -> None:
     assert listing([], "/dev/yahboom_driver", "") == [
         "No serial port is on USB, nor on the computer itself."
     ]
-
-
-def test_colours_show_the_verdict_and_change_no_word() -> None:
-    lines = ["port        /dev/a", "dead zone   1600   1900   differs", READY, NOT_READY]
-    drawn = painted(lines)
-    assert drawn[2] == f"\x1b[1;32m{READY}\x1b[0m"
-    assert drawn[3] == f"\x1b[1;31m{NOT_READY}\x1b[0m"
-    assert drawn[1].endswith("\x1b[33mdiffers\x1b[0m")
-    assert [re.sub(r"\x1b\[[\d;]*m", "", line) for line in drawn] == lines

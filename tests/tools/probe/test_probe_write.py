@@ -10,7 +10,7 @@ import pytest
 from yahboomd.core.link.storing import StoringStep
 from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.core.protocol.settings import BoardSettings, SettingWrite
-from yahboomd.tools.probe.probe_write import Printed, agreed, stored_value
+from yahboomd.tools.probe.probe_write import Printed, agreed
 
 WRITE = SettingWrite(
     frame=b"$mline:13#", text="encoder lines 13", reply_to="mline", timeout_s=0.4, resets=False
@@ -51,11 +51,6 @@ def test_a_refusal_is_reported_in_the_boards_words(capsys: pytest.CaptureFixture
     assert words == "encoder lines   11 -> 11   refused, the board answered 'fail,type error!'"
 
 
-def test_a_failure_is_not_said_to_be_read_back(capsys: pytest.CaptureFixture[str]) -> None:
-    words = printed(capsys, step(outcome="failed", answer="", attempts=3), lines_now=11)
-    assert words == "encoder lines   11 -> 11   failed, no answer heard, 3 attempts"
-
-
 @pytest.mark.parametrize(
     ("typed", "answer"),
     [("y\n", True), ("YES\n", True), ("n\n", False), ("\n", False), ("", False)],
@@ -76,8 +71,3 @@ def test_a_program_is_not_asked(
     monkeypatch.setattr("sys.stdin", io.StringIO("n\n"))
     assert agreed(1)
     assert capsys.readouterr().err == ""
-
-
-def test_a_value_for_the_report() -> None:
-    value = stored_value(step())
-    assert (value.command, value.outcome, value.took_s) == ("mline", "stored", 0.111)

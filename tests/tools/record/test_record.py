@@ -78,25 +78,7 @@ def test_a_recording_has_all_samples_and_other_readers_read_them(
     assert odometry[-1].pose.pose.position.x == pytest.approx(poses[-1]["x"], abs=0.05)
 
 
-@pytest.mark.realtime
-def test_an_attached_recorder_ends_whole_with_its_input(
-    one_robot: RealRobot, tmp_path: Path
-) -> None:
-    folder = tmp_path / "run"
-    process = start(one_robot, str(folder), "--attached", "--json")
-    part = folder / "native_0.mcap"
-    wait_for(lambda: part.exists() and part.stat().st_size > 20_000, "a chunk is written")
-    # Nothing but its input ends here, as when the program that started it is killed.
-    out, err = process.communicate(timeout=60)
-    assert process.returncode == 0, err
-    assert json.loads(out)["lost"] == 0
-    with part.open("rb") as stream:
-        summary = make_reader(stream).get_summary()
-    assert summary is not None
-    assert summary.statistics is not None
-    assert summary.statistics.message_count > 0
-
-
+@pytest.mark.nightly
 @pytest.mark.realtime
 def test_a_recorder_that_is_killed_leaves_what_it_has_written(
     one_robot: RealRobot, on_robot: Callable[..., int], tmp_path: Path
@@ -128,15 +110,6 @@ def test_a_recorder_that_is_killed_leaves_what_it_has_written(
     assert part.stat().st_size > 20_000
     # A recovered recording is not overwritten.
     assert on_robot("record", str(folder), "--recover") == 1
-
-
-@pytest.mark.realtime
-def test_a_folder_that_exists_is_left_alone(
-    one_robot: RealRobot, on_robot: Callable[..., int], tmp_path: Path, capsys
-) -> None:
-    assert on_robot("record", str(tmp_path), "--for", "1") == 1
-    assert "Name a new folder" in capsys.readouterr().err
-    assert list(tmp_path.glob("*.mcap")) == []
 
 
 def test_what_is_no_recording_is_not_recovered(tmp_path: Path, capsys) -> None:

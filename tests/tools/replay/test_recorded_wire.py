@@ -68,20 +68,6 @@ def test_answers_leave_the_stream_whole_and_everything_else_keeps_its_moment() -
     ] == [[(9, b"$Battery:7.40V#")]]
 
 
-def test_a_board_that_starts_again_says_so_in_the_stream() -> None:
-    banner = b"Motor_Version:1.7.3\r\n"
-    (found,) = connections(
-        streamed(
-            written(2, b"$read_flash#"),
-            read(5, FLASH),
-            written(10, b"$upload:1,0,0#"),
-            read(20, LINE),
-            read(3000, banner),
-        )
-    )
-    assert found.stream[-1].data == banner
-
-
 def test_connections_are_separate_and_one_without_a_board_is_left_out() -> None:
     opened, closed = Record(0, Opened(port="p", byte_ns=1)), Record(9, Closed())
     anchor = Record(0, Anchor(port="p", byte_ns=1, dialect="rosmaster", state=b""))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import gzip
 import json
 from pathlib import Path
 
@@ -11,7 +10,7 @@ import msgspec
 import pytest
 from wire_records import WireBench, drive_about, save
 
-from yahboomd.blackbox.records import Happened, Opened, Received, Record
+from yahboomd.blackbox.records import Happened, Received, Record
 from yahboomd.cli.main import main
 from yahboomd.core.model import Event
 from yahboomd.simulation.virtual_time import run as run_on_virtual_time
@@ -95,20 +94,6 @@ def test_other_poses_or_events_than_the_daemons_are_status_1(
     assert "The daemon published, and this did not: The wheels slip." in said
 
 
-def test_a_file_that_was_cut_is_played_as_far_as_it_goes(
-    recorded: tuple[Path, WireBench], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    box, bench = recorded
-    ring = gzip.decompress(box.read_bytes()).rstrip(b"\0")
-    (tmp_path / "cut").write_bytes(ring[: len(ring) // 2])
-    assert main(["replay", str(tmp_path / "cut"), "--odometry"]) == 0
-    said = capsys.readouterr()
-    assert 10 < int(said.out.split()[0]) < len(bench.heard.estimates)
-    packed = box.read_bytes()
-    (tmp_path / "packed").write_bytes(packed[: len(packed) // 2])
-    assert main(["replay", str(tmp_path / "packed"), "--odometry"]) == 0
-
-
 @pytest.mark.parametrize(
     ("content", "status", "words"),
     [
@@ -136,22 +121,6 @@ def test_other_files_are_refused_with_what_they_are(
         assert words in capsys.readouterr().err
 
 
-def test_a_box_without_a_board_has_nothing_to_play(
-    recorded: tuple[Path, WireBench], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    _, bench = recorded
-    whole, path = bench.records, tmp_path / "box"
-    try:
-        bench.records = [Record(whole[0].at_ns, Opened(port="/dev/x", byte_ns=1))]
-        save(path, bench)
-    finally:
-        bench.records = whole
-    assert main(["replay", str(path), "--link", str(tmp_path / "board")]) == 65
-    assert "no board was connected in it" in capsys.readouterr().err
-    assert main(["replay", str(path), "--odometry"]) == 65
-    assert "no pose can be computed from it" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize(
     ("options", "status", "words"),
     [
@@ -170,10 +139,3 @@ def test_what_cannot_be_made_is_named(
 ) -> None:
     assert main(["replay", str(recorded[0]), *options]) == status
     assert words in capsys.readouterr().err
-
-
-def test_one_of_both_ways_has_to_be_named(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as left:
-        main(["replay", "box"])
-    assert left.value.code == 2
-    assert "--link --odometry" in capsys.readouterr().err

@@ -14,13 +14,11 @@ from yahboomd.core.link.session import Session, SessionOptions
 from yahboomd.core.model import EncoderReading
 from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
-from yahboomd.tools.replay.recorded_wire import Piece, Poll, WireRecord, connections
+from yahboomd.tools.replay.recorded_wire import Piece, WireRecord, connections
 from yahboomd.tools.replay.replayed_board import LAST_WORDS_NS, UNPLUGGED_NS, ReplayedBoard
 from yahboomd.tools.replay.replayed_poses import PoseReplay
 
 MS = 1_000_000
-STREAMED = DIALECTS["streamed"]
-POLLED = DIALECTS["polled"]
 ARM = b"$upload:1,0,0#"
 
 
@@ -133,15 +131,6 @@ def test_the_stream_begins_when_it_is_asked_for_and_an_answer_waits_for_the_end_
     assert run_to(board, 125 * MS) == [b"2,3,4#\r\n", b"$Battery:7.40V#\r\n"]
 
 
-def test_answers_come_in_turn_the_last_again_and_again_and_unknown_ones_from_elsewhere() -> None:
-    answers = {b"$read_vol#": [[Piece(0, b"one")], [], [Piece(0, b"two")]]}
-    board = ReplayedBoard([simple(Piece(MS, b"x"), answers=answers)], lambda _, asked: asked[1:5])
-    for _ in range(3):
-        board.host_wrote(b"$read_vol#", 0)
-    board.host_wrote(b"$read_flash#", 0)
-    assert run_to(board, 2 * MS) == [b"one", b"two", b"two", b"read"]
-
-
 def test_a_host_that_comes_back_gets_the_recording_from_its_beginning() -> None:
     board = ReplayedBoard([simple(Piece(0, b"a"), Piece(50 * MS, b"b"))], never)
     board.host_is_there(True)
@@ -169,16 +158,6 @@ def test_between_two_connections_the_port_goes_away_and_after_the_last_it_ends()
     board.host_wrote(ARM, board._now_ns)
     assert run_to(board, board._now_ns + LAST_WORDS_NS + 5 * MS) == [b"b"]
     assert (len(ends), board.counters["connections"]) == (1, 2)
-
-
-def test_a_poll_that_was_not_answered_is_not_answered_again() -> None:
-    polls = [Poll(0, [Piece(MS, b"a")]), Poll(20 * MS, []), Poll(40 * MS, [Piece(MS, b"c")])]
-    board = ReplayedBoard([simple(dialect="polled", polls=polls, ends_ns=60 * MS)], never)
-    got = []
-    for at in (0, 21, 39):
-        board.host_wrote(b"$read#", at * MS)
-        got.append(run_to(board, (at + 10) * MS))
-    assert got == [[b"a"], [], [b"c"]]
 
 
 @pytest.mark.parametrize("capture", HEADINGS)

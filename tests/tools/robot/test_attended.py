@@ -43,22 +43,6 @@ async def test_the_end_of_a_pipes_reader_is_reported_once(monkeypatch) -> None:
     os.close(writing)
 
 
-async def test_a_terminal_that_hangs_up_is_reported_and_one_that_is_typed_on_is_not(
-    monkeypatch,
-) -> None:
-    master, slave = os.openpty()
-    monkeypatch.setattr(attended.sys, "stdout", Stdout(slave))
-    gone = asyncio.Event()
-    with output_watched(gone.set):
-        os.write(master, b"keys\n")
-        for _ in range(10):
-            await asyncio.sleep(0)
-        assert not gone.is_set()
-        os.close(master)
-        await asyncio.wait_for(gone.wait(), 60)
-    os.close(slave)
-
-
 async def test_files_and_closed_outputs_are_not_watched(monkeypatch, tmp_path) -> None:
     with (tmp_path / "file").open("w") as file:
         for output in (file, open(os.devnull), None):  # noqa: SIM115, ASYNC230

@@ -45,14 +45,6 @@ def test_a_refusal_is_printed_and_ends_with_1(on_robot: Callable[..., int], caps
     assert json.loads(capsys.readouterr().out)["success"] is False
 
 
-def test_an_emergency_stop_without_a_request_names_this_command(
-    on_robot: Callable[..., int], capsys
-) -> None:
-    assert on_robot("call", "estop") == 0
-    assert "by yahboomd call" in json.loads(capsys.readouterr().out)["message"]
-    assert on_robot("call", "estop/reset") == 0
-
-
 def test_with_a_persons_file_a_robot_that_does_not_know_the_name_is_asked_without_it(
     on_robot: Callable[..., int], tmp_path, capsys
 ) -> None:
@@ -83,10 +75,3 @@ def test_a_request_that_is_no_object_is_a_mistake(request_text: str, capsys) -> 
         main(["call", "config", request_text])
     assert left.value.code == 2
     assert "no JSON object" in capsys.readouterr().err
-
-
-def test_the_help_lists_every_service(capsys) -> None:
-    with pytest.raises(SystemExit):
-        main(["call", "--help"])
-    said = capsys.readouterr().out
-    assert all(f"\n  {service} " in said for service in call.SERVICES)

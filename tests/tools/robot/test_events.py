@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import os
 import re
 import signal
 import subprocess
@@ -86,33 +84,6 @@ def test_every_event_is_a_line_that_is_written_at_once(
     assert all(re.fullmatch(pattern, each) for each in reader.lines), reader.lines
     reader.process.send_signal(signal.SIGINT)
     assert reader.end() == (130, "")
-
-
-def test_without_follow_the_next_event_ends_it(
-    events: Callable[..., Reader], on_robot: Callable[..., int]
-) -> None:
-    reader = events("--json")
-    until_printed(on_robot, reader, 1, '"kind"')
-    assert reader.end() == (0, "")
-    reader.close()
-    assert len(reader.lines) == 1
-    event = json.loads(reader.lines[0])
-    assert {"stamp_ns", "kind", "severity", "message"} <= set(event)
-
-
-def test_a_reader_that_leaves_ends_it_before_the_next_event(
-    one_robot: RealRobot, on_robot: Callable[..., int]
-) -> None:
-    reading, writing = os.pipe()
-    command = ["events", "--follow", "--connect", one_robot.endpoint]
-    with subprocess.Popen(
-        [sys.executable, "-m", "yahboomd", *command], stdout=writing, stderr=subprocess.PIPE
-    ) as process:
-        os.close(writing)
-        os.close(reading)
-        assert process.wait(60) == 141
-        assert process.stderr is not None
-        assert process.stderr.read() == b""
 
 
 def test_a_line_has_no_control_characters() -> None:

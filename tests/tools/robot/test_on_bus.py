@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from yahboomd.core.bus.keys import POSE
-from yahboomd.core.errors import NoDaemon, Refused
+from yahboomd.core.errors import Refused
 from yahboomd.core.messages.codecs import encode
 from yahboomd.core.messages.native import PoseSample, ServiceReply
 from yahboomd.tools.robot.on_bus import newest, one_line
@@ -36,13 +36,6 @@ async def test_a_sample_that_there_is_not_yet_is_refused_in_the_daemons_words() 
     reply = encode(ServiceReply(success=False, message="There is no pose yet."), "json")
     with pytest.raises(Refused, match=r"There is no pose yet\."):
         await newest(Asked(reply), POSE, PoseSample)
-
-
-async def test_no_answer_is_no_daemon_and_nonsense_is_refused() -> None:
-    with pytest.raises(NoDaemon):
-        await newest(Asked(), POSE, PoseSample)
-    with pytest.raises(Refused, match="cannot be read"):
-        await newest(Asked(b"\xff"), POSE, PoseSample)
 
 
 async def test_a_second_daemon_is_named_and_the_first_one_counts(capsys) -> None:

@@ -7,9 +7,8 @@ from collections.abc import Callable
 
 import daemon_samples
 import pytest
-from real_robot import RealRobot, wait_for
+from real_robot import wait_for
 
-from yahboomd.cli.main import main
 from yahboomd.cli.pose import line
 
 pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("one_robot")]
@@ -46,13 +45,6 @@ def test_json_is_the_sample_in_one_line(on_robot: Callable[..., int], capsys) ->
     assert {"x", "y", "theta", "covariance", "stamp_ns"} <= set(json.loads(said))
 
 
-def test_a_pose_that_the_daemon_refuses_ends_with_1_and_its_words(
-    on_robot: Callable[..., int], capsys
-) -> None:
-    assert on_robot("pose", "--to", "1e30", "0", "0") == 1
-    assert capsys.readouterr().err.startswith("yahboomd: ")
-
-
 def test_a_heading_is_in_degrees_only_where_it_says_so(
     on_robot: Callable[..., int], printed: Callable[[], str], capsys
 ) -> None:
@@ -63,36 +55,9 @@ def test_a_heading_is_in_degrees_only_where_it_says_so(
     assert printed() == "1.000000 2.000000 -1.570796\n"
 
 
-def test_set_configures_as_it_does_for_every_command(on_robot: Callable[..., int], capsys) -> None:
-    assert on_robot("pose", "--set", "zenoh.no_such_key=1") == 78
-    assert "no_such_key" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize("given", [["1", "2", "nan"], ["1", "2", "north"], ["1deg", "2", "0"]])
 def test_what_is_no_pose_is_a_mistake(on_robot: Callable[..., int], given: list[str]) -> None:
     assert on_robot("pose", "--to", *given) == 2
-
-
-def test_an_old_pose_is_printed_and_named_with_the_reason(real_robot, capsys) -> None:
-    robot: RealRobot = real_robot()
-    arguments = ["pose", "--connect", robot.endpoint]
-    robot.daemon.says("Connected to")
-    assert wait_for(lambda: main(arguments) == 0, "a pose")
-    robot.do("unplug")
-    capsys.readouterr()
-    wait_for(lambda: main(arguments) == 1, "a pose that is old")
-    out, err = capsys.readouterr()
-    assert out.splitlines()[-1] == "0.000000 0.000000 0.000000"
-    assert " old. " in err
-
-
-def test_before_the_first_pose_the_daemon_says_so(real_robot, capsys) -> None:
-    robot = real_robot(port="/dev/no_such_board")
-    robot.daemon.says("Listening on")
-    assert main(["pose", "--connect", robot.endpoint]) == 1
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert err.startswith("yahboomd: ")
 
 
 def test_numbers_have_six_digits_and_no_negative_zero() -> None:

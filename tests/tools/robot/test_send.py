@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import os
 import signal
 import subprocess
 import sys
@@ -92,6 +91,7 @@ def test_it_drives_for_its_time_then_stands_and_prints_nothing(
     assert 0.1 < sum(one_robot.settled_truth().travel_m) - before_m < 0.75
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP])
 def test_a_signal_stops_the_robot_before_its_time(
     one_robot: RealRobot, sending: Callable[..., subprocess.Popen[str]], number: int
@@ -100,27 +100,6 @@ def test_a_signal_stops_the_robot_before_its_time(
     process.send_signal(number)
     assert process.communicate(timeout=60) == ("", "")
     assert process.returncode == 128 + number
-    one_robot.settled_truth()
-
-
-def test_a_reader_that_leaves_stops_the_robot(
-    one_robot: RealRobot, sending: Callable[..., subprocess.Popen[str]]
-) -> None:
-    reading, writing = os.pipe()
-    process = sending(stdout=writing)
-    os.close(writing)
-    os.close(reading)
-    assert process.communicate(timeout=60)[1] == ""
-    assert process.returncode == 141
-    one_robot.settled_truth()
-
-
-def test_a_process_that_is_killed_leaves_the_robot_to_the_daemons_deadman(
-    one_robot: RealRobot, sending: Callable[..., subprocess.Popen[str]]
-) -> None:
-    process = sending()
-    process.kill()
-    process.communicate()
     one_robot.settled_truth()
 
 
@@ -145,69 +124,6 @@ def test_an_emergency_stop_ends_it_with_the_daemons_reason(
         wait_for(lambda: on_robot("call", "estop/reset") == 0, "the release")
 
 
-def test_a_source_with_a_higher_priority_ends_it(
-    one_robot: RealRobot,
-    sending: Callable[..., subprocess.Popen[str]],
-    on_robot: Callable[..., int],
-    capsys,
-) -> None:
-    low = sending()
-    arguments = ("send", "--vx", "0.1", "--for", "300", "--source", "cmd_vel/teleop")
-    high = sending(*arguments)
-    out, err = low.communicate(timeout=60)
-    assert (low.returncode, out) == (1, "")
-    assert "cmd_vel/teleop has control of the robot" in err
-    assert on_robot("send", "--vx", "0.1", "--for", "0.2") == 1
-    high.send_signal(signal.SIGTERM)
-
-
-def test_a_daemon_that_is_killed_ends_it_with_69(real_robot, sender: Sending) -> None:
-    robot: RealRobot = real_robot()
-    robot.daemon.says("Connected to")
-    process = sender.start(robot)
-    robot.daemon.end(signal.SIGKILL)
-    err = process.communicate(timeout=60)[1]
-    assert process.returncode == 69
-    assert err.startswith("yahboomd: The daemon was lost")
-
-
-def test_a_daemon_that_is_suspended_ends_it(
-    one_robot: RealRobot,
-    on_robot: Callable[..., int],
-    sending: Callable[..., subprocess.Popen[str]],
-) -> None:
-    process = sending()
-    one_robot.daemon.process.send_signal(signal.SIGSTOP)
-    try:
-        err = process.communicate(timeout=60)[1]
-    finally:
-        one_robot.daemon.process.send_signal(signal.SIGCONT)
-    assert process.returncode == 69, err
-    assert f"yahboomd (pid {one_robot.daemon.process.pid}) is suspended" in err
-    # On a busy machine the board turned its wheels long enough for one to be accused.
-    one_robot.settled_truth()
-    wait_for(lambda: on_robot("stop", "--release") == 0, "it is ready to drive")
-
-
-def test_what_the_base_cannot_do_ends_it(on_robot: Callable[..., int], capsys) -> None:
-    assert on_robot("send", "--vy", "0.1", "--for", "300") == 1
-    assert "cannot drive sideways" in capsys.readouterr().err
-
-
-def test_a_command_beyond_the_limits_is_obeyed_and_said(
-    on_robot: Callable[..., int], capsys
-) -> None:
-    wait_for(lambda: on_robot("send", "--vx", "90", "--for", "0.1") == 0, "it drives")
-    assert "faster than the limits" in capsys.readouterr().err
-
-
-def test_a_source_that_is_not_configured_is_refused_before_anything_is_sent(
-    on_robot: Callable[..., int], capsys
-) -> None:
-    assert on_robot("send", "--vx", "0.1", "--for", "1", "--source", "cmd_vel/unknown") == 1
-    assert "Nothing was sent." in capsys.readouterr().err
-
-
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -227,11 +143,6 @@ def test_a_time_and_velocities_of_a_robot_are_required(arguments: list[str], cap
         main(["send", *arguments])
     assert left.value.code == 2
     assert capsys.readouterr().out == ""
-
-
-def test_no_velocity_is_a_mistake(capsys) -> None:
-    assert main(["send", "--for", "1"]) == 2
-    assert "give a velocity" in capsys.readouterr().err
 
 
 def test_without_a_daemon_it_ends_with_69(capsys) -> None:

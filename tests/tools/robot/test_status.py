@@ -63,17 +63,6 @@ def test_without_a_daemon_it_says_where_it_looked_and_ends_with_69(capsys) -> No
     assert "yahboomd run" in err
 
 
-def test_another_namespace_is_named_by_those_that_are_in_use(
-    on_robot: Callable[..., int], capsys
-) -> None:
-    def named() -> bool:
-        assert on_robot("status", "--namespace", "bot9", "--timeout", "0.5") == 69
-        return "Namespaces in use there: none." in capsys.readouterr().err
-
-    # A daemon that is held up does not answer in time for it to be named.
-    wait_for(named, "the namespace of the daemon")
-
-
 def test_a_suspended_daemon_of_this_machine_is_named_with_what_its_wheels_do(
     one_robot: RealRobot, on_robot: Callable[..., int], capsys
 ) -> None:
@@ -88,17 +77,6 @@ def test_a_suspended_daemon_of_this_machine_is_named_with_what_its_wheels_do(
     assert f"yahboomd (pid {process.pid}) is suspended" in words
     assert "the wheels keep their last speed" in words
     assert "Stop them: yahboomd stop\n" in words
-
-
-def test_a_robot_without_its_board_ends_with_4(real_robot, capsys) -> None:
-    robot = real_robot(port="/dev/no_such_board", run=["--set", "zenoh.encoding=msgpack"])
-    robot.daemon.says("Listening on")
-    arguments = ["status", "--connect", robot.endpoint]
-    assert main(arguments) == 4
-    assert "waiting for " in capsys.readouterr().out
-    # The daemon's samples are MessagePack here; the output is still JSON.
-    assert main([*arguments, "--json"]) == 4
-    assert json.loads(capsys.readouterr().out)["state"] == "waiting"
 
 
 def test_every_state_has_a_status() -> None:

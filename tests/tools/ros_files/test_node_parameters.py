@@ -12,7 +12,6 @@ from yahboomd.tools.ros_files.node_parameters import (
     PARAMETERS,
     joystick,
     nav2,
-    navigation_source,
     robot_localization,
     slam_toolbox,
 )
@@ -77,20 +76,6 @@ def test_nav2_gets_the_bases_limits_where_they_are_smaller_than_its_own() -> Non
     ] == pytest.approx(0.1)
 
 
-def test_nav2_is_never_faster_than_it_is_tuned_for() -> None:
-    fast = {axis: dict.fromkeys(SLOW[axis], 50.0) for axis in SLOW}
-    smoother = of(nav2(config(limits=fast)), "velocity_smoother")
-    assert smoother["max_velocity"] == [0.5, 0.0, 1.9]
-
-
-def test_dwb_of_older_distributions_gets_the_same_limits() -> None:
-    path = of(nav2(config(limits=SLOW, ros2={"distro": "humble"})), "controller_server")
-    assert path["FollowPath.max_vel_x"] == path["FollowPath.max_speed_xy"] == 0.2
-    assert (path["FollowPath.acc_lim_x"], path["FollowPath.decel_lim_x"]) == (0.3, -0.4)
-    assert (path["FollowPath.max_vel_theta"], path["FollowPath.acc_lim_theta"]) == (0.25, 0.6)
-    assert path["FollowPath.max_vel_y"] == 0.0
-
-
 def test_a_base_that_moves_sideways_is_driven_sideways() -> None:
     tree = nav2(config(chassis=MECANUM, limits=SLOW))
     path = of(tree, "controller_server")
@@ -142,13 +127,6 @@ def test_frames_and_topics_are_the_configurations() -> None:
     assert of(robot_localization(ours), "ekf_filter_node")["odom0"] == "wheel/odom"
 
 
-def test_the_ekf_takes_what_wheels_measure_at_the_rate_of_the_odometry() -> None:
-    ekf = of(robot_localization(config(odometry={"publish_rate_hz": 20.0})), "ekf_filter_node")
-    assert ekf["frequency"] == 20.0
-    assert [number for number, taken in enumerate(ekf["odom0_config"]) if taken] == [6, 7, 11]
-    assert len(ekf["odom0_config"]) == 15
-
-
 def test_the_joystick_moves_nothing_without_its_button_and_repeats_within_the_timeout() -> None:
     ours = config(limits=SLOW)
     tree = joystick(ours)
@@ -158,9 +136,3 @@ def test_the_joystick_moves_nothing_without_its_button_and_repeats_within_the_ti
     assert (teleop["scale_angular.yaw"], teleop["scale_angular_turbo.yaw"]) == (0.125, 0.25)
     repeat_s = 1.0 / of(tree, "joy_node")["autorepeat_rate"]
     assert 3 * repeat_s < ours.source_timeout_s("cmd_vel/teleop")
-
-
-def test_programs_get_the_source_of_least_priority_where_none_is_cmd_vel() -> None:
-    sources = {"nav": {"priority": 1}, "pad": {"priority": 9}}
-    assert navigation_source(config(command={"sources": sources})) == "nav"
-    assert navigation_source(config()) == "cmd_vel"

@@ -7,7 +7,6 @@ import pytest
 from yahboomd.core.config import Config
 from yahboomd.tools.ros_files.robot_model import outer_radius_m, urdf
 
-MECANUM = {"preset": "mecanum", "wheel_base_m": 0.2, "wheel_radius_m": 0.04}
 FOUR = {"preset": "4wd", "wheel_base_m": 0.2, "wheel_radius_m": 0.04}
 
 
@@ -43,43 +42,6 @@ def test_the_articles_wheels_are_half_the_separation_to_each_side_and_one_radius
     }
     assert {joint.find("axis").get("xyz") for joint in wheels.values()} == {"0 1 0"}
     assert {float(shape.get("radius")) for shape in robot.iter("cylinder")} == {0.03}
-
-
-@pytest.mark.parametrize("chassis", [FOUR, MECANUM], ids=["4wd", "mecanum"])
-def test_four_wheels_stand_on_the_corners(chassis) -> None:
-    wheels = joints(model(chassis={**chassis, "wheel_separation_m": 0.3}), "continuous")
-    assert {name: placed(joint) for name, joint in wheels.items()} == {
-        "front_left_wheel_joint": (0.1, 0.15, 0.04),
-        "rear_left_wheel_joint": (-0.1, 0.15, 0.04),
-        "front_right_wheel_joint": (0.1, -0.15, 0.04),
-        "rear_right_wheel_joint": (-0.1, -0.15, 0.04),
-    }
-
-
-def test_calibration_of_the_radius_shows_and_that_of_the_track_does_not() -> None:
-    chassis = {
-        "wheel_radius_m": 0.03,
-        "wheel_radius_multiplier": {"left": 1.1},
-        "wheel_separation_multiplier": 1.5,
-    }
-    wheels = joints(model(chassis=chassis), "continuous")
-    assert placed(wheels["left_wheel_joint"]) == pytest.approx((0.0, 0.075, 0.033))
-    assert placed(wheels["right_wheel_joint"]) == (0.0, -0.075, 0.03)
-
-
-def test_joints_have_the_names_that_joint_states_uses() -> None:
-    config = {"ros2": {"joint_names": {"left": "wheel_l"}}}
-    assert set(joints(model(**config), "continuous")) == {"wheel_l", "right_wheel_joint"}
-
-
-def test_the_frame_of_the_odometry_is_the_root() -> None:
-    assert parents(model())["base_footprint"] == "base_link"
-    turned = parents(model(odometry={"child_frame_id": "base_footprint"}))
-    assert turned["base_link"] == "base_footprint"
-    assert turned["left_wheel"] == "base_link"
-    own = parents(model(odometry={"child_frame_id": "chassis"}))
-    assert own["left_wheel"] == "chassis"
-    assert "chassis" not in own
 
 
 def test_the_frames_of_the_configuration_are_in_it_wherever_they_hang_on_the_base() -> None:

@@ -6,22 +6,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from yahboomd.core.bus import keys
-from yahboomd.core.messages import status_fields
 from yahboomd.core.messages.codecs import encode
-from yahboomd.tools.screens.dashboard import LINK_COUNTS, Dashboard, View
+from yahboomd.tools.screens.dashboard import Dashboard, View
 
 S = 1_000_000_000
 
 
 def accept(dashboard: Dashboard, key: str, sample: object, now_ns: int) -> None:
     dashboard.accept(key, encode(sample, "json"), now_ns)
-
-
-def test_before_any_status_it_waits() -> None:
-    dashboard = Dashboard()
-    assert dashboard.view(S).phase == "waiting"
-    accept(dashboard, keys.POSE, daemon.pose(), S)
-    assert dashboard.view(S).phase == "waiting"
 
 
 @pytest.mark.parametrize("encoding", ["json", "msgpack"])
@@ -71,20 +63,6 @@ def test_durations_go_on_between_two_statuses() -> None:
     assert dashboard.view(11 * S).state_s == pytest.approx(3.0)
 
 
-def test_how_long_a_driver_has_had_control_is_what_the_daemon_says() -> None:
-    dashboard = Dashboard()
-    accept(dashboard, keys.STATUS, daemon.status(driver_s=5.0), 0)
-    assert dashboard.view(S).driver_s == pytest.approx(6.0)
-    accept(dashboard, keys.STATUS, daemon.status(driver_s=None), S)
-    assert dashboard.view(S).driver_s is None
-
-
-def test_an_event_ages() -> None:
-    dashboard = daemon.driving(0)
-    assert dashboard.view(3 * S).event_age_s == pytest.approx(3.0)
-    assert Dashboard().view(S).event_age_s == float("inf")
-
-
 def test_rates_follow_from_the_daemons_own_counters() -> None:
     dashboard = Dashboard()
     for half in range(4):
@@ -120,22 +98,6 @@ def test_counters_of_the_past_are_shown_and_only_new_ones_are_news() -> None:
     assert not any(each.rising for each in dashboard.view(30 * S).link)
 
 
-def test_the_full_bar_is_the_fastest_wheel_so_far() -> None:
-    dashboard = daemon.driving(0)
-    accept(dashboard, keys.WHEELS, daemon.wheels((0.1, 0.1), (-0.8, 0.1)), 0)
-    accept(dashboard, keys.WHEELS, daemon.wheels((0.0, 0.0), (0.0, 0.0)), 0)
-    assert dashboard.view(0).full_scale_m_s == 0.8
-
-
-def test_a_full_bar_is_no_speed_of_long_ago() -> None:
-    dashboard = daemon.driving(0)
-    accept(dashboard, keys.WHEELS, daemon.wheels((0.8, 0.1), (0.1, 0.1)), 0)
-    accept(dashboard, keys.WHEELS, daemon.wheels((0.2, 0.2), (0.2, 0.2)), 9 * S)
-    assert dashboard.view(20 * S).full_scale_m_s == 0.8
-    accept(dashboard, keys.WHEELS, daemon.wheels((0.0, 0.0), (0.0, 0.0)), 11 * S)
-    assert dashboard.view(11 * S).full_scale_m_s == 0.2
-
-
 def test_a_robot_moves_while_a_wheel_turns_or_is_to_turn() -> None:
     dashboard = daemon.driving(0)
     assert dashboard.view(0).moving
@@ -143,23 +105,6 @@ def test_a_robot_moves_while_a_wheel_turns_or_is_to_turn() -> None:
     assert dashboard.view(0).moving
     accept(dashboard, keys.WHEELS, daemon.wheels((0.0, 0.0), (0.0, 0.0)), 0)
     assert not dashboard.view(0).moving
-
-
-def test_the_path_grows_with_the_distance_and_starts_again_with_the_daemon() -> None:
-    dashboard = daemon.driving(0)
-    for step in range(100):
-        accept(dashboard, keys.POSE, daemon.pose(x=0.005 * step, y=0.0, seq=10 + step), step)
-    trail = dashboard.view(100).trail
-    assert 30 < len(trail) < 60
-    accept(dashboard, keys.POSE, daemon.pose(x=0.0, y=0.0, seq=1), 101)
-    assert dashboard.view(101).trail == ((0.0, 0.0),)
-
-
-def test_new_events_are_reported_once() -> None:
-    dashboard = daemon.driving(0)
-    assert [event.message for event in dashboard.new_events()] == ["The board reset itself."]
-    assert dashboard.new_events() == ()
-    assert len(dashboard.view(S).events) == 1
 
 
 SHOWN = sorted(set(daemon.all_samples()) - {keys.IMU})
@@ -180,19 +125,6 @@ def test_what_cannot_be_read_is_counted_and_changes_nothing(key: str, payload: b
     )
 
 
-def test_strange_facts_in_a_status_do_not_raise() -> None:
-    dashboard = Dashboard()
-    strange = daemon.status(
-        link={"readings": "many", "broken_frames": True, "unrecognised": None},
-        command={"stale": 1.5, "received": -3},
-        bus={"routers": ["tcp/a:1"], "neighbours": "few"},
-    )
-    accept(dashboard, keys.STATUS, strange, 0)
-    view = dashboard.view(0)
-    assert view.readings_per_s is None
-    assert view.link == ()
-
-
 @pytest.mark.parametrize("number", [float("nan"), float("inf")])
 def test_numbers_that_cannot_be_drawn_are_not_taken(number: float) -> None:
     dashboard = daemon.driving(0)
@@ -206,16 +138,6 @@ def test_numbers_that_cannot_be_drawn_are_not_taken(number: float) -> None:
     assert view.unreadable == 3
     assert (view.pose, view.twist) == (daemon.pose(), daemon.twist())
     assert view.wheels == daemon.wheels()
-
-
-def test_every_trouble_of_the_line_is_a_counter_of_the_status() -> None:
-    counters = status_fields.ZEROS["link"] | status_fields.ZEROS["command"]
-    assert {name for group in LINK_COUNTS.values() for name in group} <= set(counters)
-
-
-def test_no_counter_is_shown_twice() -> None:
-    names = [name for group in LINK_COUNTS.values() for name in group]
-    assert len(names) == len(set(names))
 
 
 def test_old_wheels_do_not_move() -> None:

@@ -65,17 +65,6 @@ def test_the_first_form_that_is_not_too_high_is_drawn(pipe: tuple[int, int]) -> 
         assert written(reader).count("high") == 10
 
 
-def test_a_screen_that_has_not_changed_is_not_written_again(pipe: tuple[int, int]) -> None:
-    reader, writer = pipe
-    with Screen(writer) as screen:
-        screen.draw("same")
-        assert "same" in written(reader)
-        screen.draw("same")
-        assert written(reader) == ""
-        screen.draw("other")
-        assert "other" in written(reader)
-
-
 def test_a_terminal_that_is_gone_is_reported_and_fails_nothing(pipe: tuple[int, int]) -> None:
     reader, writer = pipe
     gone: list[bool] = []
@@ -84,33 +73,6 @@ def test_a_terminal_that_is_gone_is_reported_and_fails_nothing(pipe: tuple[int, 
         assert not gone
         screen.draw("unseen")
         assert gone == [True]
-
-
-def test_without_colours_no_colour_is_written(
-    pipe: tuple[int, int], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    reader, writer = pipe
-    with Screen(writer) as screen:
-        screen.draw(line(("red", "red")))
-    assert "\x1b[31m" in written(reader)
-    monkeypatch.setenv("NO_COLOR", "1")
-    with Screen(writer) as screen:
-        screen.draw(line(("red", "red")))
-    assert "\x1b[31m" not in written(reader)
-
-
-def test_a_line_is_cut_and_a_sentence_goes_on_below() -> None:
-    text = "one two three four"
-    assert lines(line(text), 10, 3) == ["one two t…", " " * 10, " " * 10]
-    assert [each.strip() for each in lines(sentence(text), 10, 3)] == ["one two", "three four", ""]
-
-
-def test_a_panel_has_its_lines_between_title_and_note() -> None:
-    assert lines(panel(line("inside"), title="tcp/[::1]", note="foot"), 20, 3) == [
-        "╭─ tcp/[::1] ──────╮",
-        "│ inside           │",
-        "╰─────────── foot ─╯",
-    ]
 
 
 @given(st.text(max_size=70), st.text(max_size=70), st.text(max_size=70), st.integers(8, 60))

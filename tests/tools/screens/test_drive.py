@@ -27,13 +27,3 @@ def test_a_speed_must_be_a_number_above_zero(
         main(["drive", f"--linear={speed}"])
     assert ended.value.code == 2
     assert f"--linear: {speed} is not a speed above 0, up to 100 m/s" in capsys.readouterr().err
-
-
-def test_its_help_names_every_key_that_does_something(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    with pytest.raises(SystemExit):
-        main(["drive", "--help"])
-    text = capsys.readouterr().out
-    for words in ("w s a d", "space", "emergency stop", "release", "quit", "--linear", "--source"):
-        assert words in text

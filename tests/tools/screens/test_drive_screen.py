@@ -5,7 +5,7 @@ import pytest
 from drawn_screen import lines as lines_of
 from rich.console import RenderableType
 
-from yahboomd.core.model import STANDSTILL, Twist2d
+from yahboomd.core.model import Twist2d
 from yahboomd.tools.screens import drive_screen
 from yahboomd.tools.screens.dashboard import View
 from yahboomd.tools.screens.teleop import MOVES, Teleop
@@ -53,16 +53,6 @@ def test_every_key_that_moves_has_words() -> None:
         assert drive_screen.words(motion[0]) not in {"moving", "nothing commanded"}
 
 
-def test_a_stop_and_nothing_have_words_of_their_own() -> None:
-    assert drive_screen.words(STANDSTILL) == "■ stop"
-    assert drive_screen.words(None) == "nothing commanded"
-
-
-def test_without_a_daemon_it_says_what_it_waits_for() -> None:
-    text = drawn(View(phase="waiting"), why="No Zenoh router answers at tcp/127.0.0.1:7448.")
-    assert "waiting for the daemon … No Zenoh router answers" in text
-
-
 def test_a_daemon_that_went_is_named() -> None:
     text = drawn(daemon.driving(0).view(5 * S), why="The connection is lost.")
     assert "no status from the daemon for 5 s. The connection is lost." in text
@@ -81,12 +71,6 @@ def test_a_key_without_a_listener_is_named_while_a_daemon_is_there() -> None:
     assert words not in drawn(silent, key="cmd_vel/mine", heard=False)
 
 
-def test_an_answer_is_shown_in_full() -> None:
-    words = "Not released: cmd_vel commands motion, and so do many others. " * 2
-    text = drawn(daemon.driving(0).view(0), answer=(words, "yellow"))
-    assert " ".join(words.split()) in " ".join(text.split())
-
-
 @pytest.mark.parametrize("width", [80, 40, 20, 10])
 def test_it_keeps_within_its_terminal(width: int) -> None:
     for form in forms(daemon.driving(0).view(0)):
@@ -101,30 +85,3 @@ def test_in_a_low_terminal_state_and_answer_stay_and_the_legend_goes() -> None:
     assert "DRIVING" in text
     assert "Released." in text
     assert "emergency stop" not in text
-
-
-def test_a_long_reason_is_wrapped_under_itself() -> None:
-    why = "Emergency stop, engaged by a query on yahboomd/estop 12.0 s ago: somebody asked for it."
-    view = View(phase="live", status=daemon.status("estopped", why=why))
-    lines = [line for line in drawn(view).split("\n") if line.strip()]
-    first = next(index for index, line in enumerate(lines) if "● ESTOPPED" in line)
-    assert lines[first + 1].startswith(" " * 10)
-    assert "asked for it." in lines[first + 1]
-
-
-@pytest.mark.parametrize("columns", [40, 46, 60, 80])
-def test_on_a_narrow_terminal_each_key_still_has_its_meaning(columns: int) -> None:
-    view = daemon.driving(0).view(0)
-    text = " ".join(" ".join(lines_of(forms(view, Twist2d(vx=0.3))[0], columns)).split())
-    for words in (
-        "hold to drive",
-        "let go to stop",
-        "stop (as any other key)",
-        "faster, slower",
-        "emergency stop",
-        "release it, or a fault",
-        "quit",
-        "1.00 rad/s",
-        "-0.25 rad/s",
-    ):
-        assert words in text

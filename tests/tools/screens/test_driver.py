@@ -2,11 +2,10 @@ from __future__ import annotations
 
 import signal
 import time
-from pathlib import Path
 from typing import Any
 
 import pytest
-from zenoh_fixtures import eventually, free_endpoint
+from zenoh_fixtures import eventually
 
 from yahboomd.core.bus import keys
 
@@ -37,20 +36,7 @@ async def test_a_key_drives_until_it_is_let_go(terminal: Any, fake_daemon: Any) 
     assert daemon.commands[0]["source"] == "yahboomd drive"
 
 
-async def test_any_other_key_stops_at_once(terminal: Any, fake_daemon: Any) -> None:
-    daemon = await fake_daemon()
-    process = await start(terminal, daemon.endpoint)
-    await process.shows("● STANDING")
-    process.type("w")
-    await eventually(lambda: (0.3, 0.0) in daemon.velocities)
-    daemon.commands.clear()
-    # At once: a machine that is busy between two keys would let the first one run out.
-    process.type("sx")
-    await eventually(lambda: daemon.commands and daemon.velocities[-1] == ZERO)
-    # 0.7 s of commands would be 14 of them.
-    assert daemon.velocities.count((-0.3, 0.0)) < 7
-
-
+@pytest.mark.nightly
 async def test_keys_that_waited_while_it_stood_still_move_nothing(
     terminal: Any, fake_daemon: Any
 ) -> None:
@@ -92,6 +78,7 @@ async def test_emergency_stop_and_release_are_asked_for_and_their_answers_shown(
     await eventually(lambda: ZERO in daemon.velocities)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("way", [*("q", "\x03"), *WAYS])
 async def test_on_every_way_out_the_robot_stops_and_the_terminal_is_put_back(
     terminal: Any, fake_daemon: Any, way: str | signal.Signals
@@ -110,6 +97,7 @@ async def test_on_every_way_out_the_robot_stops_and_the_terminal_is_put_back(
     await eventually(lambda: daemon.velocities[-3:] == [ZERO] * 3)
 
 
+@pytest.mark.nightly
 async def test_when_its_window_is_closed_the_robot_stops(terminal: Any, fake_daemon: Any) -> None:
     daemon = await fake_daemon()
     process = await start(terminal, daemon.endpoint)
@@ -119,33 +107,3 @@ async def test_when_its_window_is_closed_the_robot_stops(terminal: Any, fake_dae
     process.hang_up()
     assert await process.ended() == 0
     await eventually(lambda: daemon.velocities[-3:] == [ZERO] * 3)
-
-
-async def test_without_a_daemon_it_waits_says_so_and_can_be_left(terminal: Any) -> None:
-    endpoint = free_endpoint()
-    process = await start(terminal, endpoint)
-    await process.shows("waiting for the daemon … No yahboomd answers at")
-    process.type("e")
-    await process.shows("NO DAEMON ACKNOWLEDGED THE EMERGENCY STOP")
-    process.type("q")
-    assert await process.ended() == 0
-    assert process.restored
-
-
-async def test_a_source_that_the_daemon_does_not_know_is_reported(
-    terminal: Any, fake_daemon: Any
-) -> None:
-    daemon = await fake_daemon()
-    process = await start(terminal, daemon.endpoint, "--source", "cmd_vel/mine")
-    await process.shows("The daemon accepts no commands on cmd_vel/mine")
-
-
-async def test_a_bus_that_can_never_work_ends_it_with_the_terminal_put_back(
-    terminal: Any, tmp_path: Path
-) -> None:
-    file = tmp_path / "zenoh.json5"
-    file.write_text("no json at all")
-    process = terminal("drive", "--set", f"zenoh.config={file}")
-    assert await process.ended() == 69
-    assert f"The Zenoh configuration {file} cannot be used" in process.written
-    assert process.restored

@@ -16,7 +16,6 @@ from yahboomd.tools.screens.gamepad import (
     START,
     STICK_X,
     STICK_Y,
-    AxisRange,
     Gamepad,
 )
 
@@ -36,15 +35,6 @@ def test_around_its_middle_a_stick_is_at_rest() -> None:
     for value in (-3000, -1, 0, 1, 3000):
         pad.feed(axis(STICK_Y, value))
         assert pad.shares == (0.0, 0.0, 0.0)
-
-
-def test_an_axis_counts_by_the_range_that_the_device_reports() -> None:
-    pad = Gamepad({STICK_Y: AxisRange(0, 255)})
-    pad.feed(axis(STICK_Y, 128))
-    assert pad.shares[0] == 0.0
-    pad.feed(axis(STICK_Y, 0))
-    assert pad.shares[0] == 1.0
-    assert Gamepad({STICK_Y: AxisRange(5, 5)}).shares[0] == 0.0
 
 
 def test_one_shoulder_has_to_be_held_and_the_first_that_is_let_go_ends_it() -> None:

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import array
-import asyncio
 import fcntl
 import os
 import termios
@@ -37,31 +36,9 @@ TYPED = {
 
 
 @pytest.mark.parametrize(("data", "keys"), TYPED.items())
-def test_keys_are_cut_from_what_a_terminal_sends(data: bytes, keys: list[str]) -> None:
-    parser = KeyParser()
-    assert parser.feed(data) == keys
-    assert not parser.pending
-
-
-@pytest.mark.parametrize(("data", "keys"), TYPED.items())
 def test_keys_are_the_same_when_they_come_byte_by_byte(data: bytes, keys: list[str]) -> None:
     parser = KeyParser()
     assert [key for byte in data for key in parser.feed(bytes([byte]))] == keys
-
-
-def test_an_arrow_in_two_pieces_is_never_the_letter_at_its_end() -> None:
-    parser = KeyParser()
-    assert parser.feed(b"\x1b[") == []
-    assert parser.pending
-    assert parser.feed(b"A") == ["up"]
-
-
-def test_an_escape_that_nothing_follows_is_the_escape_key() -> None:
-    parser = KeyParser()
-    assert parser.feed(b"\x1b") == []
-    assert parser.flush() == [ESCAPE]
-    assert parser.flush() == []
-    assert parser.feed(b"w") == ["w"]
 
 
 @given(st.lists(st.binary(max_size=40)))
@@ -83,26 +60,6 @@ def pty() -> Iterator[tuple[int, int]]:
             os.close(fd)
         except OSError:
             continue
-
-
-@pytest.mark.realtime
-async def test_keys_come_one_by_one_without_enter(pty: tuple[int, int]) -> None:
-    master, slave = pty
-    pressed: list[str] = []
-    with Keys(slave, pressed.append, lambda: None):
-        os.write(master, b"w\x1b[A ")
-        await eventually(lambda: len(pressed) == 3)
-    assert pressed == ["w", "up", " "]
-
-
-@pytest.mark.realtime
-async def test_an_escape_by_itself_is_a_key_after_a_moment(pty: tuple[int, int]) -> None:
-    master, slave = pty
-    pressed: list[str] = []
-    with Keys(slave, pressed.append, lambda: None):
-        os.write(master, b"\x1b")
-        await eventually(lambda: pressed)
-    assert pressed == [ESCAPE]
 
 
 @pytest.mark.realtime
@@ -147,15 +104,3 @@ async def test_what_was_typed_before_is_not_taken(pty: tuple[int, int]) -> None:
         os.write(master, b"x")
         await eventually(lambda: pressed)
     assert pressed == ["x"]
-
-
-@pytest.mark.realtime
-async def test_a_terminal_that_goes_away_is_reported_once(pty: tuple[int, int]) -> None:
-    master, slave = pty
-    gone: list[bool] = []
-    with Keys(slave, lambda _: None, lambda: gone.append(True)):
-        os.close(master)
-        await eventually(lambda: gone)
-        for _ in range(3):
-            await asyncio.sleep(0)
-    assert gone == [True]

@@ -41,25 +41,3 @@ def test_forward_is_up_and_left_is_left() -> None:
     _, end, _ = path_map([(0.0, 0.0), (1.0, 1.0)], theta=0.0, width=20, height=10)
     assert end[0] < start[0]
     assert end[1] < start[1]
-
-
-def test_a_path_is_drawn_without_holes() -> None:
-    trail = [(0.04 * step, 0.0) for step in range(11)]
-    lines, _, _ = path_map(trail, theta=0.0, width=5, height=10)
-    assert sum(line != "     " for line in lines) >= 8
-    column = next(index for index, each in enumerate(lines[5]) if each != " ")
-    inner = [line[column] for line in lines[2:8]]
-    assert " " not in inner
-
-
-def test_a_pose_that_was_set_is_not_joined_to_the_path() -> None:
-    joined, _, _ = path_map([(0.0, 0.0), (0.4, 0.0)], theta=0.0, width=5, height=10)
-    jumped, _, _ = path_map([(0.0, 0.0), (4.0, 0.0)], theta=0.0, width=5, height=10)
-    assert sum(line.strip() != "" for line in joined) > 2
-    assert sum(line.strip() != "" for line in jumped) == 2
-
-
-def test_a_robot_that_stands_does_not_fill_the_map_with_noise() -> None:
-    noise = [(0.001 * (step % 3), 0.001 * (step % 2)) for step in range(50)]
-    lines, _, _ = path_map(noise, theta=0.0, width=40, height=20)
-    assert sum(each != " " for line in lines for each in line) <= 4

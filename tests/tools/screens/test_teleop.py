@@ -37,10 +37,6 @@ def command(teleop: Teleop, now_ns: int) -> Twist2d | None:
     return twist
 
 
-def test_nothing_is_commanded_before_a_key_is_pressed(teleop: Teleop) -> None:
-    assert command(teleop, START_NS) is None
-
-
 @pytest.mark.parametrize(
     ("key", "twist"),
     [
@@ -82,24 +78,11 @@ def test_a_held_key_that_is_let_go_stops_sooner_than_the_first_press_would(
     assert SHORTEST_NS < FIRST_NS / 2
 
 
-def test_slow_repeats_do_not_make_it_stutter(teleop: Teleop) -> None:
-    last_ns = hold(teleop, "w", 10, gap_ns=200 * MS)
-    assert command(teleop, last_ns + 399 * MS) == FORWARD
-
-
 @pytest.mark.parametrize("key", [" ", "x", "escape", "e", "r", "q"])
 def test_what_is_no_way_to_drive_stops_at_once(teleop: Teleop, key: str) -> None:
     last_ns = hold(teleop, "w", 5)
     teleop.press(key, last_ns + 1)
     assert command(teleop, last_ns + 1) is None
-
-
-def test_another_direction_replaces_the_one_before(teleop: Teleop) -> None:
-    last_ns = hold(teleop, "w", 5)
-    teleop.press("a", last_ns + 1)
-    assert command(teleop, last_ns + 1) == Twist2d(wz=1.0)
-    # Its own repeats have to come first.
-    assert command(teleop, last_ns + FIRST_NS) == Twist2d(wz=1.0)
 
 
 def test_speeds_change_by_a_tenth_and_do_not_move_or_stop(teleop: Teleop) -> None:
@@ -111,15 +94,6 @@ def test_speeds_change_by_a_tenth_and_do_not_move_or_stop(teleop: Teleop) -> Non
     teleop.press("-", START_NS)
     assert command(teleop, START_NS) == Twist2d(vx=pytest.approx(0.3 / 1.1))
     assert teleop.angular_rad_s == pytest.approx(1.0 / 1.1)
-
-
-def test_speeds_stay_within_bounds(teleop: Teleop) -> None:
-    for _ in range(200):
-        teleop.press("+", START_NS)
-    assert teleop.linear_m_s == pytest.approx(3.0)
-    for _ in range(400):
-        teleop.press("-", START_NS)
-    assert teleop.linear_m_s == pytest.approx(0.015)
 
 
 @given(
@@ -157,24 +131,6 @@ def test_silence_always_ends_the_motion(presses: list[tuple[str, int]]) -> None:
 )
 def test_keys_that_move(key: str, signs: tuple[int, int, int] | None) -> None:
     assert direction(key) == signs
-
-
-@pytest.mark.parametrize(
-    ("key", "meaning"),
-    [
-        ("up", "move"),
-        ("+", "faster"),
-        ("=", "faster"),
-        ("-", "slower"),
-        ("e", "estop"),
-        ("E", "estop"),
-        ("R", "release"),
-        ("q", "quit"),
-        ("\x03", "quit"),
-    ],
-)
-def test_keys_that_ask_for_something(key: str, meaning: str) -> None:
-    assert wish(key) == meaning
 
 
 @pytest.mark.parametrize("key", [" ", "k", "x", "\r", ESCAPE, UNKNOWN, "\x1a", "é", "1"])

@@ -61,15 +61,6 @@ def test_the_command_line_installs_into_a_folder(
     assert "Nothing is started" in capsys.readouterr().out
 
 
-def test_a_file_that_cannot_be_written_is_a_sentence(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "root").touch()
-    assert main(["install", "--root", str(tmp_path / "root")]) == 1
-    assert f"{tmp_path}/root/etc/" in (said := capsys.readouterr().err)
-    assert "cannot be written: Not a directory. Look at the disk" in said
-
-
 def test_a_dry_run_changes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run = Commands()
     assert install(system(tmp_path, run, dry=True, live=True)) == 0
@@ -101,23 +92,6 @@ def test_a_second_time_changes_nothing_and_says_so(
     assert "systemctl start yahboomd.service" in run.ran
 
 
-def test_the_manager_reads_the_files_before_it_starts_anything(
-    tmp_path: Path, as_root: None
-) -> None:
-    run = Commands()
-    install(system(tmp_path, run, live=True))
-    order = [
-        run.ran.index(each)
-        for each in (
-            f"systemd-sysusers {tmp_path}/etc/sysusers.d/yahboomd.conf",
-            "systemctl daemon-reload",
-            "systemctl enable yahboomd.service",
-            "systemctl restart yahboomd.service",
-        )
-    ]
-    assert order == sorted(order)
-
-
 def test_man_pages_and_completions_are_put_in_place_and_restart_nothing(
     tmp_path: Path, as_root: None, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -136,27 +110,6 @@ def test_man_pages_and_completions_are_put_in_place_and_restart_nothing(
     assert fish.read_text().startswith("#")
     assert f"unchanged    {share}/man/man1" in capsys.readouterr().out
     assert "systemctl start yahboomd.service" in run.ran
-
-
-def test_a_folder_for_man_pages_that_cannot_be_written_hinders_no_installation(
-    tmp_path: Path, as_root: None, monkeypatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    usual = command._writable
-    monkeypatch.setattr(command, "_writable", lambda path: "usr" not in path.parts and usual(path))
-    assert install(system(tmp_path, Commands(), live=True)) == 0
-    assert "left out     " in capsys.readouterr().out
-    assert not (tmp_path / "usr").exists()
-    assert (tmp_path / UNIT).exists()
-
-
-def test_it_says_where_to_look(
-    tmp_path: Path, as_root: None, capsys: pytest.CaptureFixture[str]
-) -> None:
-    install(system(tmp_path, Commands(), live=True))
-    said = capsys.readouterr().out
-    assert "systemctl status yahboomd" in said
-    assert "journalctl -u yahboomd -f" in said
-    assert "/etc/yahboomd/config.toml" in said
 
 
 def test_a_service_that_does_not_start_is_no_success(
@@ -230,21 +183,6 @@ def test_a_program_that_the_services_user_cannot_read_is_refused(
     assert "UV_TOOL_DIR=/opt/uv/tools" in said
 
 
-def test_the_page_is_started_where_it_is_asked_for_and_reached_from_this_machine_alone(
-    tmp_path: Path, as_root: None, capsys: pytest.CaptureFixture[str]
-) -> None:
-    run = Commands()
-    install(system(tmp_path, run, live=True))
-    assert not any("yahboomd-web" in each for each in run.ran)
-    assert install(system(tmp_path, run, live=True), web=True) == 0
-    assert run.ran[-2:] == [
-        "systemctl enable yahboomd-web.service",
-        "systemctl start yahboomd-web.service",
-    ]
-    assert not (tmp_path / install_plan.WEB_LISTEN).exists()
-    assert "http://127.0.0.1:8480/" in capsys.readouterr().out
-
-
 def test_the_page_is_reached_from_elsewhere_where_a_person_says_so(
     tmp_path: Path, as_root: None, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -262,18 +200,6 @@ def test_the_page_is_reached_from_elsewhere_where_a_person_says_so(
         "systemctl enable yahboomd-web.service",
         "systemctl restart yahboomd-web.service",
     ]
-
-
-def test_a_page_that_is_not_served_is_no_success(
-    tmp_path: Path, as_root: None, capsys: pytest.CaptureFixture[str]
-) -> None:
-    class WithoutPage(Commands):
-        def __call__(self, words: Sequence[str]) -> int:
-            super().__call__(words)
-            return int(words[-1] == "yahboomd-web.service")
-
-    assert install(system(tmp_path, WithoutPage(), live=True), web=True) == 1
-    assert "journalctl -u yahboomd-web" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

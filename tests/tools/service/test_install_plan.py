@@ -36,11 +36,6 @@ def test_on_an_empty_system_everything_is_new(tmp_path: Path) -> None:
     }
 
 
-def test_what_is_in_place_is_unchanged(tmp_path: Path) -> None:
-    put(tmp_path)
-    assert set(fates(tmp_path).values()) == {"unchanged"}
-
-
 def test_a_persons_configuration_is_kept_and_our_own_files_are_replaced(tmp_path: Path) -> None:
     put(tmp_path)
     (tmp_path / "etc/yahboomd/config.toml").write_text("[serial]\n")
@@ -48,12 +43,6 @@ def test_a_persons_configuration_is_kept_and_our_own_files_are_replaced(tmp_path
     now = fates(tmp_path)
     assert now["config.toml"] == "kept"
     assert now["yahboomd.service"] == "changed"
-
-
-def test_a_configuration_that_is_no_text_is_kept_too(tmp_path: Path) -> None:
-    put(tmp_path)
-    (tmp_path / "etc/yahboomd/config.toml").write_bytes(b"\xff\xfe")
-    assert fates(tmp_path)["config.toml"] == "kept"
 
 
 def test_every_command_of_the_units_is_the_program_that_installs(tmp_path: Path) -> None:
@@ -74,11 +63,6 @@ def test_the_files_of_a_package_are_the_packages_business(tmp_path: Path) -> Non
     assert install_plan.planned_files(tmp_path, PROGRAM, packaged=True) == []
 
 
-def test_a_missing_data_file_is_named() -> None:
-    with pytest.raises(FileNotFoundError, match=r"nothing\.txt is missing"):
-        install_plan.data_text("nothing.txt")
-
-
 def test_the_configuration_of_an_instance_can_be_used(tmp_path: Path) -> None:
     file = install_plan.instance_file(tmp_path, "front", "/dev/serial/by-path/usb-0:1.2-port0")
     file.path.parent.mkdir(parents=True)
@@ -87,28 +71,6 @@ def test_the_configuration_of_an_instance_can_be_used(tmp_path: Path) -> None:
     assert config.serial.port == "/dev/serial/by-path/usb-0:1.2-port0"
     assert config.zenoh.namespace == "front"
     assert config.zenoh.listen == ("tcp/127.0.0.1:7449",)
-
-
-def test_instances_get_a_listen_port_each(tmp_path: Path) -> None:
-    ports = []
-    for name in ("front", "rear", "third"):
-        file = install_plan.instance_file(tmp_path, name, f"/dev/{name}")
-        file.path.parent.mkdir(parents=True, exist_ok=True)
-        file.path.write_text(file.text)
-        ports += read(file.path, environ={}).config.zenoh.listen
-    assert ports == [f"tcp/127.0.0.1:{port}" for port in (7449, 7450, 7451)]
-
-
-def test_an_instance_that_is_configured_keeps_its_configuration(tmp_path: Path) -> None:
-    file = install_plan.instance_file(tmp_path, "front", "/dev/a")
-    file.path.parent.mkdir(parents=True)
-    file.path.write_text("mine")
-    assert install_plan.instance_file(tmp_path, "front", "/dev/b").fate == "kept"
-
-
-@pytest.mark.parametrize("name", ["front", "bot1", "Left_2"])
-def test_good_names_of_instances(name: str) -> None:
-    assert install_plan.instance_name_is_good(name)
 
 
 @pytest.mark.parametrize(
@@ -135,7 +97,3 @@ def test_a_link_out_of_reach_is_followed(tmp_path: Path, monkeypatch: pytest.Mon
     (tmp_path / "home").mkdir()
     (tmp_path / "link").symlink_to(tmp_path / "home")
     assert install_plan.unreachable([tmp_path / "link"]) == tmp_path / "link"
-
-
-def test_a_program_that_is_missing_is_out_of_reach() -> None:
-    assert install_plan.unreachable([Path("/usr/bin/no-such")]) == Path("/usr/bin/no-such")

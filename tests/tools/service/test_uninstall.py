@@ -63,21 +63,6 @@ def test_services_are_stopped_while_their_units_are_known(system: System, ran: l
     assert "systemctl daemon-reload" in ran[1:]
 
 
-def test_a_dry_run_removes_nothing(
-    system: System, ran: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    before = files(system.root)
-    assert uninstall(system._replace(dry=True)) == 0
-    assert files(system.root) == before
-    assert ran == []
-    assert "would remove" in capsys.readouterr().out
-
-
-def test_a_second_time_is_no_error(system: System) -> None:
-    uninstall(system)
-    assert uninstall(system) == 0
-
-
 def test_one_instance_ends_and_the_others_stay(system: System, ran: list[str]) -> None:
     before = files(system.root)
     assert uninstall(system, instance="front") == 0
@@ -91,16 +76,6 @@ def test_what_dpkg_brought_dpkg_takes_away(
     assert uninstall(system._replace(packaged=True)) == 78
     assert ran == []
     assert "apt remove yahboomd" in capsys.readouterr().err
-
-
-def test_without_root_nothing_is_touched(
-    system: System, ran: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    before = files(system.root)
-    monkeypatch.setattr(command.os, "geteuid", lambda: 1000)
-    assert uninstall(system) == 77
-    assert files(system.root) == before
-    assert ran == []
 
 
 def test_the_command_line_uninstalls_from_a_folder(

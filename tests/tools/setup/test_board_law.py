@@ -41,18 +41,6 @@ def test_a_board_that_divides_a_motion_itself_drives_few_of_them() -> None:
     assert len(found) < 384 / 4
 
 
-def test_a_car_that_steers_is_driven_by_the_plugs_of_its_board() -> None:
-    found = ways("rosmaster", "ackermann", BoardSettings(car_type=5))
-    assert found == [wired_two(2, 4), wired_two(-2, -4)]
-
-
-def wired_two(*plugs: int) -> tuple[WiredMotor, ...]:
-    return tuple(
-        WiredMotor(wheel=wheel, position=abs(plug), sign=1 if plug > 0 else -1)
-        for wheel, plug in zip(("left", "right"), plugs, strict=True)
-    )
-
-
 def test_a_robot_that_it_cannot_drive_at_all_is_refused_with_the_reason() -> None:
     with pytest.raises(Refused, match=r"cannot drive such a robot\. The board is set to car type"):
         ways("rosmaster", "mecanum", BoardSettings(car_type=4))
@@ -64,11 +52,6 @@ def wired(*plugs: int) -> tuple[WiredMotor, ...]:
         WiredMotor(wheel=wheel, position=abs(plug), sign=1 if plug > 0 else -1)
         for wheel, plug in zip(wheels, plugs, strict=True)
     )
-
-
-def test_a_wiring_that_can_be_driven_stays_as_it_is() -> None:
-    verdict = WiringFound(motors=wired(1, 2, 3, 4))
-    assert as_drivable(verdict, [wired(4, 3, 2, 1), wired(1, 2, 3, 4)]) is verdict
 
 
 def test_the_fewest_plugs_are_changed_and_each_is_named() -> None:

@@ -5,7 +5,7 @@ import pytest
 from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.core.protocol.settings import BoardSettings
-from yahboomd.tools.setup.description import Given, ask_motors, ask_robot, choose, possible
+from yahboomd.tools.setup.description import Given, ask_motors, ask_robot, choose
 
 STORED = BoardSettings(motor_type=1, deadzone=1600, lines=11, ratio=30, wheel_diameter_mm=67.0)
 
@@ -50,13 +50,6 @@ async def test_a_board_is_offered_the_motors_that_it_can_have_and_shows_its_own(
     assert "x3-plus" in next(line for line in shown.splitlines() if "as the board is" in line)
 
 
-async def test_a_board_that_stores_nothing_is_offered_all_motors(capsys):
-    await ask_motors(Says("tt"), Given(), DIALECTS["polled"], None)
-    shown = capsys.readouterr().err
-    assert all(f"  {name} " in shown for name in PROFILES)
-    assert "as the board" not in shown
-
-
 async def test_other_motors_are_described_by_their_figures_and_keep_the_stored_type(capsys):
     person = Says("custom", "13", "20,4", "80")
     board, profile = await ask_motors(person, Given(), DIALECTS["streamed"], STORED)
@@ -98,7 +91,3 @@ async def test_the_axles_distance_is_asked_for_where_it_counts(drive, asked):
     person = Says(drive, "", "150", "160")
     found = await ask_robot(person, Given(), {"profile": "520"}, PROFILES["520"])
     assert (found.wheel_base_mm == 160.0) == asked
-
-
-def test_names_are_listed():
-    assert possible(("a", "b")) == "a, b"

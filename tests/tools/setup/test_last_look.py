@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from board_bench import LinkBench
-from simulated_person import SimulatedPerson, connected, set_up, true_wiring
+from simulated_person import X3, SimulatedPerson, connected, set_up, true_wiring
 
 from yahboomd.core.config import Config
 from yahboomd.core.protocol.profiles import PROFILES
@@ -54,6 +54,7 @@ async def test_a_robot_that_is_as_described_is_seen_to_be(drive: str) -> None:
 GEARS = ["520", "520-1:19", "520-1:56", "l520"]
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize(
     ("true", "profile"),
     [*zip(GEARS, GEARS, strict=True), *zip(GEARS, [*GEARS[1:], GEARS[0]], strict=True)],
@@ -68,23 +69,6 @@ async def test_a_profile_with_another_gear_is_replaced_by_the_one_that_fits(
     assert found.gear.verdict == "fits"
     assert connected(found) == true_wiring(bench)
     assert person.turned <= 1.0
-
-
-@on_virtual_time
-async def test_a_gear_that_fits_no_profile_is_written_with_the_reason() -> None:
-    bench, person = robot(ratio=90.0)
-    found = await set_up(bench, known("520"), person=person)
-    assert found.gear.verdict == "does not fit"
-    assert "None of the vendor's gears fits" in " ".join(written(found).split("\n# "))
-
-
-X3 = Given(
-    profile="x3",
-    kinematics="mecanum",
-    wheel_diameter_mm=65.0,
-    wheel_separation_mm=169.0,
-    wheel_base_mm=160.0,
-)
 
 
 @pytest.mark.parametrize("agrees", ["y", "n"])
@@ -127,6 +111,7 @@ async def test_a_wrong_answer_is_found_before_the_file_is_written(
     assert sum("M1 turns" in each for each in person.questions) == 2
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("last", ["y, and all", "Did every", "\nTurn the mark", "Is the mark"])
 @on_virtual_time
 async def test_unanswered_the_file_has_a_line_that_the_gear_was_not_checked(last: str) -> None:
@@ -135,29 +120,6 @@ async def test_unanswered_the_file_has_a_line_that_the_gear_was_not_checked(last
     found = await set_up(bench, known("520"), person=person)
     assert found.gear.verdict == "not checked"
     assert "# The gear was not checked." in written(found)
-
-
-@on_virtual_time
-async def test_an_input_that_ends_in_the_last_look_loses_no_answer() -> None:
-    bench, person = robot()
-    person.looks = False
-    found = await set_up(bench, known("520"), person=person)
-    assert found.gear.verdict == "not checked"
-    assert connected(found) == true_wiring(bench)
-
-
-@on_virtual_time
-async def test_an_answer_that_makes_no_sense_is_asked_for_again() -> None:
-    bench, person = robot()
-    person.lies = {
-        "Are all wheels": ["sure"],
-        "y, and all wheels": ["what"],
-        "Did every wheel": ["perhaps"],
-        "Is the mark": ["nearly"],
-    }
-    found = await set_up(bench, known("520"), person=person)
-    assert found.gear.verdict == "fits"
-    assert not any(person.lies.values())
 
 
 def test_wheels_that_were_not_all_looked_at_leave_the_gear_unchecked() -> None:

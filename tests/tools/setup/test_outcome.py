@@ -31,12 +31,3 @@ def test_a_person_is_shown_the_wheels_and_what_to_run_next() -> None:
         assert f"yahboomd {command}" in words
     assert "imu" not in words
     assert "Repair" not in words
-
-
-def test_a_board_with_a_sensor_is_followed_by_its_calibration_and_faults_by_a_warning() -> None:
-    found = msgspec.structs.replace(outcome(), imu="icm20948")
-    wiring = msgspec.structs.replace(found.wiring, faults=(FAULT,))
-    words = next_steps(msgspec.structs.replace(found, wiring=wiring), Path("robot.toml"))
-    assert "yahboomd calibrate imu" in words
-    assert "icm20948" in words
-    assert "Repair these faults first" in words

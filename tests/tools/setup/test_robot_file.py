@@ -43,23 +43,12 @@ def test_other_motors_have_their_figures(tmp_path: Path) -> None:
     assert (profile.lines, profile.ratio) == (13, 20.4)
 
 
-def test_without_a_named_port_it_is_looked_for(tmp_path: Path) -> None:
-    assert config_of(outcome(), tmp_path).serial.port == ""
-
-
 def test_what_has_to_be_repaired_stands_at_its_head() -> None:
     fault = WiringFault("encoder_dead", 1, "left", "M1 is not counted.")
     found = outcome()
     wiring = WiringFound(motors=found.wiring.motors, faults=(fault,))
     text = as_toml(found.description, wiring)
     assert "# To be repaired: M1 is not counted." in text.splitlines()
-
-
-def test_every_line_of_a_comment_is_one() -> None:
-    found = outcome("skid_steer")
-    for line in as_toml(found.description, found.wiring).splitlines():
-        assert line == "" or line[0] in "#[ ]" or "=" in line
-        assert len(line) <= 100
 
 
 def test_a_file_that_is_there_is_kept_and_a_wrong_one_is_never_written(tmp_path: Path) -> None:
@@ -73,8 +62,3 @@ def test_a_file_that_is_there_is_kept_and_a_wrong_one_is_never_written(tmp_path:
     assert [each.name for each in tmp_path.iterdir()] == ["robot.toml"]
     write_robot(path, TEXT, overwrite=True)
     assert path.stat().st_mode & 0o777 == 0o644
-
-
-def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"cannot be written.*--output FILE"):
-        write_robot(tmp_path / "no" / "robot.toml", TEXT, overwrite=False)

@@ -14,12 +14,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from real_robot import Process, wait_for
+from real_robot import Process
 from zenoh_fixtures import eventually, free_endpoint
 
 from benchmarks.soak.processes import DAEMON_NICE, prefer
 from yahboomd.cli.main import main
-from yahboomd.core.daemon.estop.latch_file import LatchFile
 
 pytestmark = pytest.mark.realtime
 
@@ -84,82 +83,10 @@ async def answer(process: Any, question: str, text: str) -> None:
     process.type(f"{text}\n")
 
 
-async def answer_newest(process: Any, question: str, text: str, count: int) -> None:
-    """Answer a question that is asked for the ``count``-th time."""
-    await eventually(lambda: process.written.count(question) >= count)
-    process.type(f"{text}\n")
-
-
 def preferred(process: Any) -> Any:
     """Pulses are in real time, as a daemon drives."""
     prefer(process.process, DAEMON_NICE)
     return process
-
-
-async def test_a_newcomer_is_led_to_a_file_with_which_the_robot_drives_as_asked(
-    board, terminal, yahboomd, tmp_path
-) -> None:
-    robot = board("--plugs=-4,2", "--flash", "dead_zone=1900")
-    process = preferred(terminal("setup", "--port", robot.port, columns=100, lines=50))
-    await answer(process, "Motors: (1 to 7)", "520")
-    await answer(process, "Drive: (1 to 4)", "1")
-    await answer(process, "Diameter of the driven wheels, mm (Enter: 67):", "")
-    await answer(process, "middle of the right ones, mm:", "150")
-    await answer(process, "Are all wheels off the ground? Type yes:", "yes")
-    ways = 0
-    for wheels, name in enumerate(("M1", "M2", "M3", "M4"), start=1):
-        rolled = await turned(process, robot, name)
-        moved = [number for number, way in enumerate(rolled) if abs(way) > 0.003]
-        await answer_newest(
-            process, "Which wheel turned?", str(moved[0] + 1) if moved else "0", wheels
-        )
-        if moved:
-            ways += 1
-            way = "f" if rolled[moved[0]] > 0 else "b"
-            await answer_newest(process, "Which way did", way, ways)
-    await answer(process, "y, and all wheels turn forward, a little:", "y")
-    await answer(process, "Did every wheel turn forward?", "y")
-    await answer(process, "Turn the mark of the left wheel to its top", "")
-    assert await process.ended() == 0
-    assert "The gear was not checked." in process.screen
-    assert "left         M4, mounted the other way round" in process.screen
-    assert "right        M2" in process.screen
-    path = tmp_path / "robot.toml"
-    assert "yahboomd config check --config robot.toml" in process.screen
-    assert main(["config", "check", "--config", str(path)]) == 0
-    assert [name for name in os.listdir(tmp_path) if "robot.toml" in name] == ["robot.toml"]
-
-    endpoint = free_endpoint()
-    latch = f"estop.latch_file={tmp_path / 'estop'}"
-    options = ("--set", f'zenoh.listen=["{endpoint}"]', "--set", "zenoh.connect=[]")
-    daemon = Process("run", "--config", str(path), *options, "--set", latch)
-    try:
-        prefer(daemon.process, DAEMON_NICE)
-        await asyncio.to_thread(daemon.says, "Connected to")
-
-        async def driven(*velocity: str) -> tuple[float, float]:
-            """The way ahead and the turn to the left, truly."""
-            before = robot.truth()
-            # A machine that is busy for 0.3 s stops the robot, and this command with it.
-            for _ in range(20):
-                done = await asyncio.to_thread(
-                    yahboomd, "send", "--connect", endpoint, "--for", "1.5", *velocity
-                )
-                if done.returncode == 0:
-                    break
-            after = robot.truth()
-            rolled = zip(after["travel_m"], before["travel_m"], strict=True)
-            ahead = sum(new - old for new, old in rolled) / 2.0
-            return ahead, after["theta"] - before["theta"]
-
-        ahead, turn = await driven("--vx", "0.3")
-        assert ahead > 0.15
-        assert abs(turn) < 0.1
-        ahead, turn = await driven("--wz", "1")
-        assert turn > 0.5
-        assert abs(ahead) < 0.05
-    finally:
-        daemon.end()
 
 
 def scripted(robot: Board, folder: Path, text: str, *options: str) -> subprocess.CompletedProcess:
@@ -192,60 +119,6 @@ def test_a_program_answers_on_standard_input_and_reads_one_line_of_json(board, t
     ]
     assert (found["file"], found["faults"], found["dialect"]) == ("bot.toml", [], "streamed")
     assert main(["config", "check", "--config", str(tmp_path / "bot.toml")]) == 0
-
-
-def test_input_that_ends_early_writes_nothing_and_leaves_the_wheels_at_rest(
-    board, tmp_path
-) -> None:
-    robot = board()
-    done = scripted(robot, tmp_path, "n\nyes\n\n")
-    assert done.returncode == 1
-    assert "nothing was written" in done.stderr
-    assert not (tmp_path / "robot.toml").exists()
-    wait_for(robot.stands, "the wheels stand")
-
-
-def test_a_file_that_is_there_is_replaced_only_when_asked_for(board, tmp_path) -> None:
-    robot = board()
-    path = tmp_path / "robot.toml"
-    path.write_text("# mine\n")
-    done = scripted(robot, tmp_path, "n\n")
-    assert done.returncode == 1
-    assert "robot.toml is there already" in done.stderr
-    assert "--output FILE" in done.stderr
-    assert path.read_text() == "# mine\n"
-    assert scripted(robot, tmp_path, ANSWERS, "--overwrite").returncode == 0
-    assert "[chassis.motors]" in path.read_text()
-
-
-def test_an_engaged_emergency_stop_is_refused_before_the_port_is_opened(board, tmp_path) -> None:
-    robot = board()
-    folder = tmp_path / "run"
-    folder.mkdir()
-    LatchFile(folder / f"estop@{robot.port.replace('/', '%2F')}").engage("a person")
-    done = scripted(robot, tmp_path, ANSWERS)
-    assert done.returncode == 1
-    assert "emergency stop is engaged" in done.stderr
-    assert "yahboomd stop --release" in done.stderr
-    assert not (tmp_path / "robot.toml").exists()
-
-
-def test_a_port_that_a_daemon_owns_is_refused_with_words_and_the_daemon_drives_on(
-    board, tmp_path
-) -> None:
-    robot = board()
-    listen = ("--set", f'zenoh.listen=["{free_endpoint()}"]', "--set", "zenoh.connect=[]")
-    daemon = Process("run", "--port", robot.port, *listen)
-    try:
-        daemon.says("Connected to")
-        done = scripted(robot, tmp_path, ANSWERS)
-        assert done.returncode == 69
-        assert "A yahboomd daemon owns the board" in done.stderr
-        assert f"kill {daemon.process.pid}" in done.stderr
-        assert daemon.process.poll() is None
-        assert "Lost" not in daemon.output
-    finally:
-        daemon.end()
 
 
 @pytest.mark.parametrize(
@@ -286,6 +159,7 @@ async def pulsing(
     return robot, process
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("how", ["ctrl-c", "SIGTERM", "hang-up", "yahboomd stop"])
 async def test_however_it_is_ended_in_a_pulse_the_wheels_stand_and_no_file_is_there(
     board, terminal, yahboomd, tmp_path, how
@@ -352,16 +226,7 @@ async def test_the_cable_out_in_a_pulse_is_waited_for_and_the_wheel_is_stopped(
     assert not (tmp_path / "robot.toml").exists()
 
 
-async def test_ctrl_c_while_the_cable_is_out_ends_it_and_says_that_wheels_may_turn(
-    board, terminal
-) -> None:
-    robot, process = await unplugged(board, terminal)
-    process.type("\x03")
-    assert await process.ended() == 128 + signal.SIGINT
-    assert "the wheels may still turn" in process.screen
-    assert robot.turns()
-
-
+@pytest.mark.nightly
 async def test_killed_while_the_cable_is_out_the_guard_stops_the_wheel(board, terminal) -> None:
     robot, process = await unplugged(board, terminal)
     process.process.kill()
@@ -371,6 +236,7 @@ async def test_killed_while_the_cable_is_out_the_guard_stops_the_wheel(board, te
     await eventually(robot.stands)
 
 
+@pytest.mark.nightly
 async def test_while_it_waits_for_the_cable_a_daemon_that_has_the_port_is_left_alone(
     board, terminal
 ) -> None:

@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from binary_dialect import registered
 from board_bench import LinkBench
 from robot_bench import RobotBench
 from simulated_person import (
     FOUR,
+    TWO,
+    X3,
     SimulatedPerson,
     broken,
     connected,
@@ -25,13 +26,12 @@ from simulated_person import (
 
 from yahboomd.core.config import Config, read
 from yahboomd.core.daemon.estop.latch_file import LatchFile
-from yahboomd.core.errors import BoardSilent, Refused
+from yahboomd.core.errors import Refused
 from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.motors import FAULTS
 from yahboomd.simulation.options import FOUR_WHEELS, TWO_WHEELS, Wiring, at_plug
 from yahboomd.simulation.rosmaster.rosmaster_flash import RosmasterStored
 from yahboomd.simulation.virtual_time import on_virtual_time
-from yahboomd.tools.setup.description import Given
 from yahboomd.tools.setup.outcome import SetupOutcome
 from yahboomd.tools.setup.robot_file import as_toml, write_robot
 
@@ -73,6 +73,7 @@ async def drives_straight_and_turns_left(
         assert "runaway_against" not in robot.heard.kinds
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("plugs", SELECTED, ids=str)
 @on_virtual_time
 async def test_four_wheels_however_they_are_connected_are_found_and_drive(
@@ -89,6 +90,7 @@ async def test_four_wheels_however_they_are_connected_are_found_and_drive(
     await drives_straight_and_turns_left(bench, found, tmp_path)
 
 
+@pytest.mark.cases(3)
 @pytest.mark.parametrize(
     ("dialect", "by_hand", "plugs"),
     [
@@ -106,13 +108,7 @@ async def test_two_wheels_are_found_by_output_and_by_hand_and_drive(
 ) -> None:
     bench = LinkBench(wiring=plugged(TWO_WHEELS, plugs), dialect=dialect)
     person = SimulatedPerson(bench)
-    given = Given(
-        profile="520",
-        kinematics="differential",
-        wheel_diameter_mm=67.0,
-        wheel_separation_mm=150.0,
-    )
-    found = await set_up(bench, given, person=person, by_hand=by_hand)
+    found = await set_up(bench, TWO, person=person, by_hand=by_hand)
     assert connected(found) == true_wiring(bench)
     asked = "".join(person.questions)
     turned_by_hand = by_hand or dialect == "polled"
@@ -135,33 +131,10 @@ async def test_a_mecanum_car_of_the_other_board_is_found_and_its_sensor_noticed(
         wheel_base_m=0.160,
         flash=RosmasterStored(car_type=1),
     )
-    given = Given(
-        profile="x3",
-        kinematics="mecanum",
-        wheel_diameter_mm=65.0,
-        wheel_separation_mm=169.0,
-        wheel_base_mm=160.0,
-    )
-    found = await set_up(bench, given)
+    found = await set_up(bench, X3)
     assert connected(found) == true_wiring(bench)
     assert found.imu == "mpu9250"
     await drives_straight_and_turns_left(bench, found, tmp_path)
-
-
-@on_virtual_time
-async def test_a_board_that_this_tree_does_not_know_is_set_up_by_hand() -> None:
-    with registered():
-        bench = LinkBench(wiring=plugged(TWO_WHEELS, (1, 3)), dialect="binary")
-        given = Given(
-            profile="520",
-            kinematics="differential",
-            wheel_diameter_mm=67.0,
-            wheel_separation_mm=150.0,
-        )
-        person = SimulatedPerson(bench)
-        found = await set_up(bench, given, person=person)
-        assert (found.dialect, connected(found)) == ("binary", true_wiring(bench))
-        assert any("Turn wheel 1" in question for question in person.questions)
 
 
 @on_virtual_time
@@ -177,14 +150,7 @@ async def test_a_board_that_divides_a_motion_itself_has_its_plugs_named(
         wheel_radius_m=0.0325,
         flash=RosmasterStored(car_type=1),
     )
-    given = Given(
-        profile="x3",
-        kinematics="mecanum",
-        wheel_diameter_mm=65.0,
-        wheel_separation_mm=169.0,
-        wheel_base_mm=160.0,
-    )
-    found = await set_up(bench, given)
+    found = await set_up(bench, X3)
     (fault,) = found.wiring.faults
     assert (fault.kind, fault.position) == ("motor_misplaced", 3)
     assert "M3 (front right) is mounted the other way round, and this board cannot" in fault.words
@@ -197,31 +163,12 @@ async def test_a_board_that_divides_a_motion_itself_has_its_plugs_named(
     person.repair = lambda: bench.robot.add_faults(
         "front_right", FAULTS["mounted-round"], now_ns=bench.now_ns
     )
-    found = await set_up(bench, given, person=person)
+    found = await set_up(bench, X3, person=person)
     assert found.wiring.faults == ()
     await drives_straight_and_turns_left(bench, found, tmp_path)
 
 
-@on_virtual_time
-async def test_a_robot_that_the_board_is_not_set_up_for_is_refused_before_a_wheel_turns() -> None:
-    bench = LinkBench(
-        dialect="rosmaster",
-        battery_volts=11.5,
-        drive="mecanum",
-        flash=RosmasterStored(car_type=4),
-    )
-    given = Given(
-        profile="x1",
-        kinematics="mecanum",
-        wheel_diameter_mm=65.0,
-        wheel_separation_mm=169.0,
-        wheel_base_mm=160.0,
-    )
-    with pytest.raises(Refused, match="The board cannot drive such a robot"):
-        await set_up(bench, given)
-    assert all(motor.travel_m == 0.0 for motor in bench.robot.plant.motors)
-
-
+@pytest.mark.cases(3)
 @pytest.mark.parametrize(
     ("faults", "found_faults"),
     [
@@ -263,50 +210,24 @@ async def test_faults_are_named_by_their_plugs_alone_and_together(
     assert "To be repaired" in as_toml(found.description, found.wiring)
 
 
-@on_virtual_time
-async def test_a_repaired_robot_is_tried_again_at_the_plugs_that_were_named(
-    tmp_path: Path,
-) -> None:
-    bench = LinkBench(drive="skid_steer", wiring=plugged(FOUR_WHEELS, (4, -2, 1, 3)))
-    broken(bench, "crossed 1 2", "encoder-reversed 3")
-    person = SimulatedPerson(bench)
-
-    def repair() -> None:
-        # The board is fed by the motors' supply: it resets.
-        bench.robot.brown_out(bench.now_ns)
-        bench.robot.cross_encoders(1, 2, now_ns=bench.now_ns)
-        bench.robot.set_faults("all", now_ns=bench.now_ns)
-
-    person.repair = repair
-    found = await set_up(bench, FOUR, person=person)
-    assert found.wiring.faults == ()
-    assert connected(found) == true_wiring(bench)
-    tried = [question[-9:] for question in person.questions if question.startswith("\nEnter, and")]
-    assert [words.split()[0] for words in tried] == ["M1", "M2", "M3", "M4", "M1", "M2", "M3"]
-    await drives_straight_and_turns_left(bench, found, tmp_path)
-
-
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("fault", ["motor-dead", "unplugged", "stalled"])
 @on_virtual_time
 async def test_a_motor_that_does_not_turn_is_named_and_nothing_is_found(fault: str) -> None:
     bench = LinkBench(wiring=plugged(TWO_WHEELS, (1, 4)))
     broken(bench, f"{fault} right")
     person = SimulatedPerson(bench)
-    given = Given(
-        profile="520", kinematics="differential", wheel_diameter_mm=67.0, wheel_separation_mm=150.0
-    )
     with pytest.raises(Refused, match="Nothing was written"):
-        await set_up(bench, given, person=person)
+        await set_up(bench, TWO, person=person)
     assert any("Which plug is its motor in? (M2, M3, M4;" in each for each in person.questions)
     assert max(map(abs, bench.rim_speeds)) < 0.03
 
 
-@pytest.mark.parametrize("given", [FOUR], ids=["four wheels"])
 @on_virtual_time
-async def test_no_speed_is_ever_sent(given: Given) -> None:
+async def test_no_speed_is_ever_sent() -> None:
     bench = LinkBench(drive="skid_steer", wiring=FOUR_WHEELS)
     broken(bench, "encoder-reversed 1", "encoder-dead 2")
-    await set_up(bench, given)
+    await set_up(bench, FOUR)
     sent = [frame for port in bench.ports for frame in port.frames]
     assert sum(frame.startswith(b"$pwm:") for frame in sent) > 20
     assert {frame for frame in sent if frame.startswith((b"$spd", b"$speed"))} <= {
@@ -374,12 +295,3 @@ async def test_a_board_with_another_motor_type_turns_nothing_before_it_is_stored
     assert connected(found) == true_wiring(bench)
     flash: FlashContent = bench.robot.board.flash  # type: ignore[attr-defined]
     assert (flash.motor_type, flash.dead_zone) == (1, 1900)
-
-
-@on_virtual_time
-async def test_a_port_without_a_board_says_what_came_instead() -> None:
-    bench = LinkBench()
-    bench.robot.start(bench.now_ns)
-    bench.robot.mute(bench.now_ns, 1e6)
-    with pytest.raises(BoardSilent, match="No byte came"):
-        await set_up(bench, FOUR)

@@ -41,6 +41,7 @@ def both(voice_port: str, board_port: str) -> tuple[Candidate, ...]:
     )
 
 
+@pytest.mark.cases(1)
 @pytest.mark.realtime
 @pytest.mark.parametrize("dialect", ["rosmaster", "streamed"])
 def test_of_two_ports_the_boards_is_found_and_the_other_hears_nothing(
@@ -54,6 +55,7 @@ def test_of_two_ports_the_boards_is_found_and_the_other_hears_nothing(
     assert f"{voice[1]} (1a86:7522) was not asked" in capsys.readouterr().err
 
 
+@pytest.mark.nightly
 @pytest.mark.realtime
 def test_of_two_ports_a_stop_takes_the_one_whose_wheels_turn(
     simulated_board, voice, monkeypatch: pytest.MonkeyPatch, capsys

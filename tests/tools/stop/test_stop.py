@@ -51,6 +51,7 @@ def alone(endpoint: str = "") -> tuple[str, ...]:
     return ("--set", f'zenoh.listen=["{endpoint}"]', "--set", "zenoh.connect=[]")
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", ["streamed", "polled"])
 def test_after_sigkill_of_the_process_that_drove_a_direct_stop_brings_the_true_wheels_to_rest(
     simulated_board, yahboomd, dialect
@@ -67,6 +68,7 @@ def test_after_sigkill_of_the_process_that_drove_a_direct_stop_brings_the_true_w
     assert done.stderr == ""
 
 
+@pytest.mark.nightly
 def test_a_held_port_names_its_holder_and_how_to_end_it(simulated_board, capsys) -> None:
     board = simulated_board()
     board.drive()
@@ -77,6 +79,7 @@ def test_a_held_port_names_its_holder_and_how_to_end_it(simulated_board, capsys)
     assert not board.stands
 
 
+@pytest.mark.nightly
 def test_without_a_daemon_the_port_itself_is_stopped(simulated_board, capsys) -> None:
     board = simulated_board()
     board.drive()
@@ -86,6 +89,7 @@ def test_without_a_daemon_the_port_itself_is_stopped(simulated_board, capsys) ->
     assert "the wheels stand" in capsys.readouterr().out
 
 
+@pytest.mark.nightly
 def test_the_note_of_a_killed_daemon_leads_to_the_port_without_the_configuration(
     simulated_board, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
 ) -> None:
@@ -126,6 +130,7 @@ def test_a_name_that_udev_gave_away_leads_to_the_board_all_the_same(
     assert os.path.realpath(board.port) in words
 
 
+@pytest.mark.nightly
 def test_another_device_under_the_name_of_a_board_that_is_gone_is_left_alone(
     simulated_board, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
 ) -> None:
@@ -149,6 +154,7 @@ def test_another_device_under_the_name_of_a_board_that_is_gone_is_left_alone(
     assert "stop --port" in words
 
 
+@pytest.mark.nightly
 def test_a_note_of_a_port_that_is_gone_does_not_keep_the_wheels_turning(
     simulated_board, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -163,6 +169,7 @@ def test_a_note_of_a_port_that_is_gone_does_not_keep_the_wheels_turning(
     assert board.stands
 
 
+@pytest.mark.nightly
 def test_a_broken_configuration_does_not_keep_the_wheels_turning(
     simulated_board, tmp_path: Path, capsys
 ) -> None:
@@ -178,6 +185,7 @@ def test_a_broken_configuration_does_not_keep_the_wheels_turning(
     assert "This stop used nothing but the port" in words
 
 
+@pytest.mark.nightly
 def test_the_port_of_the_configuration_is_taken_whatever_is_wrong_with_the_rest(
     simulated_board, tmp_path: Path, capsys
 ) -> None:
@@ -194,6 +202,7 @@ def test_the_port_of_the_configuration_is_taken_whatever_is_wrong_with_the_rest(
     assert "This stop used nothing but the port" in words
 
 
+@pytest.mark.nightly
 def test_wheels_that_something_else_turns_end_with_1(simulated_board, capsys) -> None:
     board = simulated_board("--do", "turning left")
     assert main(["stop", "--direct", "--port", board.port]) == 1
@@ -214,6 +223,7 @@ def test_a_daemon_that_is_missing_below_a_namespace_is_said_so(capsys) -> None:
     assert f"at {endpoint} below the namespace 'bot1', and " in capsys.readouterr().err
 
 
+@pytest.mark.nightly
 def test_impatience_does_not_interrupt_a_stop(simulated_board) -> None:
     board = simulated_board()
     board.drive()
@@ -237,6 +247,7 @@ def test_a_running_daemon_is_stopped_and_drives_again_when_it_is_released(
     assert words.startswith(f"yahboomd (pid {pid}, {robot.port}): Released the emergency stop")
 
 
+@pytest.mark.nightly
 def test_a_suspended_daemon_is_named_by_release_and_by_stop_and_no_other_is_offered(
     real_robot, capsys, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -268,6 +279,7 @@ def test_a_suspended_daemon_is_named_by_release_and_by_stop_and_no_other_is_offe
     assert "runs here" not in capsys.readouterr().err
 
 
+@pytest.mark.nightly
 def test_a_program_that_also_reads_the_port_is_named_with_how_to_end_it(
     simulated_board, capsys
 ) -> None:
@@ -290,6 +302,7 @@ def test_a_program_that_also_reads_the_port_is_named_with_how_to_end_it(
     assert f"End it: kill {reader.pid}; then yahboomd stop --port {board.port}" in said
 
 
+@pytest.mark.nightly
 def test_a_daemon_that_does_not_answer_is_no_success_beside_a_port_that_was_stopped(
     simulated_board, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
 ) -> None:
@@ -328,6 +341,7 @@ def test_a_broken_configuration_is_reported_once(
     assert capsys.readouterr().err.count("Stopping with the defaults") == 1
 
 
+@pytest.mark.nightly
 def test_asked_for_elsewhere_the_port_here_is_left_alone(simulated_board, capsys) -> None:
     board = simulated_board()
     board.drive()

@@ -105,6 +105,7 @@ async def test_the_stop_is_engaged_and_the_wheels_are_watched_until_they_stand(r
     assert daemon.speeds_after_stop == []
 
 
+@pytest.mark.nightly
 async def test_one_slow_sample_among_fast_ones_is_no_standstill(robot) -> None:
     robot([0.0] * (STANDING_READINGS - 1) + [0.5])
     done = await engage((robot.endpoint,), CONFIG, within_s=1.0)
@@ -113,6 +114,7 @@ async def test_one_slow_sample_among_fast_ones_is_no_standstill(robot) -> None:
     assert "still turn, at 0.50 m/s" in done.words
 
 
+@pytest.mark.nightly
 async def test_a_daemon_without_a_board_is_not_said_to_have_standing_wheels(robot) -> None:
     daemon = robot([])
     daemon._wheels = type("Unheard", (), {"put": staticmethod(lambda _payload: None)})()
@@ -136,6 +138,7 @@ async def test_a_release_is_passed_on_and_so_is_its_refusal(robot) -> None:
     assert refused.value.exit_code == 1
 
 
+@pytest.mark.nightly
 async def test_a_release_with_a_persons_file_is_by_the_key_of_that_name(robot, tmp_path) -> None:
     papers = tmp_path / "anna.json5"
     papers.write_text('{"metadata": {"yahboomd_fleet": {"person": "anna"}}}')
@@ -150,6 +153,7 @@ async def test_a_release_with_a_persons_file_is_by_the_key_of_that_name(robot, t
     assert words == "Released by name."
 
 
+@pytest.mark.nightly
 async def test_a_stop_with_a_persons_file_is_by_the_key_of_that_name_too(robot, tmp_path) -> None:
     papers = tmp_path / "anna.json5"
     papers.write_text('{"metadata": {"yahboomd_fleet": {"person": "anna"}}}')

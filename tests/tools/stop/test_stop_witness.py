@@ -129,6 +129,7 @@ def test_another_users_word_that_the_wheels_stand_never_makes_the_status_0(
     assert "This proves nothing" in output.err
 
 
+@pytest.mark.nightly
 @as_root
 @pytest.mark.realtime
 def test_root_believes_the_user_whose_process_holds_the_port(
@@ -140,6 +141,7 @@ def test_root_believes_the_user_whose_process_holds_the_port(
     assert "The wheels stand." in capsys.readouterr().out
 
 
+@pytest.mark.nightly
 @as_root
 @pytest.mark.realtime
 @pytest.mark.parametrize(
@@ -175,6 +177,7 @@ def test_other_users_believe_their_own_daemon_and_that_of_a_folder_which_root_ma
     assert ("The wheels stand." in done.stdout) is (status == 0)
 
 
+@pytest.mark.nightly
 @as_root
 @pytest.mark.realtime
 def test_a_link_that_its_user_leads_from_the_port_to_one_of_theirs_proves_nothing(
@@ -188,6 +191,7 @@ def test_a_link_that_its_user_leads_from_the_port_to_one_of_theirs_proves_nothin
     assert "This proves nothing" in output.err
 
 
+@pytest.mark.nightly
 @as_root
 @pytest.mark.realtime
 def test_another_users_robot_that_stands_hides_no_held_port(

@@ -11,6 +11,7 @@ from yahboomd.simulation.virtual_time import on_virtual_time
 from yahboomd.tools.tune.stand import Stand
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", ["streamed", "polled"])
 @pytest.mark.parametrize("damage", ["loss", "corruption"])
 @on_virtual_time

@@ -20,6 +20,7 @@ def writes(bench: TuningBench) -> list[bytes]:
 
 
 # Every motor from every start: `make tuning`.
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("profile", "start", "most_writes"),
     [("310", "too soft, no dead zone stored", 3), ("tt", "oscillates", 2), ("r2", "too soft", 1)],
@@ -41,6 +42,7 @@ async def test_gains_with_5_percent_of_overshoot_settle_30_percent_sooner(
     assert worst == pytest.approx(after.settling_s, abs=0.1)
 
 
+@pytest.mark.nightly
 @on_virtual_time
 async def test_gains_that_chatter_are_followed_by_trial_ones_which_show_the_motors() -> None:
     bench = TuningBench("520", "chatters")
@@ -73,29 +75,6 @@ async def test_what_the_board_stores_is_saved_before_the_first_write() -> None:
         + ",".join(f"{gain:.3f}" for gain in bench.asked[0]["pid"])
     ]
     assert procedure.result.resets == 1
-
-
-@on_virtual_time
-async def test_without_agreement_nothing_is_saved_or_written() -> None:
-    bench = TuningBench("520", "oscillates")
-    procedure = bench.procedure()
-    await procedure.examine()
-
-    async def disagree(_wanted, _dialect):
-        return False
-
-    assert not await procedure.store(disagree, bench.save)
-    assert bench.saved == writes(bench) == []
-    assert procedure.result.notes == ["Nothing was stored."]
-
-
-@on_virtual_time
-async def test_a_board_that_is_tuned_is_left_alone() -> None:
-    bench = TuningBench("520", "oscillates slowly")
-    await bench.tune()
-    again = bench.procedure()
-    await again.examine()
-    assert not again.result.worth_writing
 
 
 @on_virtual_time
@@ -146,28 +125,6 @@ async def test_steps_whose_readings_were_held_up_are_measured_again() -> None:
     assert procedure.result.wheels[0].before.overshoot == pytest.approx(0.35, abs=0.12)
 
 
-@on_virtual_time
-async def test_dead_zones_are_found_to_2_percent_of_full_output() -> None:
-    bench = TuningBench("520", options={"motor_dead_zone": 1800})
-    procedure = bench.procedure()
-    await procedure.examine()
-    for wheel in procedure.result.wheels:
-        for found in wheel.turning_output:
-            assert abs(found - 1800) <= 0.02 * 3600
-    assert procedure.result.suggested["deadzone"] < 1800
-    assert procedure.result.notes == []
-
-
-@on_virtual_time
-async def test_motors_that_turn_at_the_least_output_are_reported_and_get_less() -> None:
-    procedure = TuningBench("520", options={"motor_dead_zone": 1300}).procedure()
-    await procedure.examine()
-    assert procedure.result.suggested["deadzone"] < 1600
-    (note,) = procedure.result.notes
-    assert "turn with the least output" in note
-    assert "tune again" in note
-
-
 class Garbling:
     """Alters answers of a polled board while its wheels turn."""
 
@@ -204,6 +161,7 @@ async def test_a_count_with_an_altered_digit_accuses_no_wheel_and_alters_no_figu
         assert wheel.before.settling_s == pytest.approx(0.42, abs=0.02)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("damaged", [False, True])
 @pytest.mark.parametrize(
     ("garbled", "words"),
@@ -236,15 +194,6 @@ async def test_a_step_whose_command_the_line_may_have_garbled_is_measured_again(
         assert wheel.before.steady_error == pytest.approx(0.0, abs=0.02)
 
 
-@on_virtual_time
-async def test_a_wheel_that_does_not_follow_twice_is_named() -> None:
-    bench = TuningBench("520", dialect="polled")
-    bench.link.on_write = lambda data: data.replace(b",0,-4", b",0,-0")
-    with pytest.raises(BoardError, match=r"^right .* stood while another wheel turned"):
-        await bench.procedure().examine()
-    assert [line.startswith("right (M3) stood") for line in bench.said].count(True) == 1
-
-
 class Ends(list[str]):
     """Ends a tuning when the steps with its first gains begin."""
 
@@ -258,6 +207,7 @@ class Ends(list[str]):
             self._end()
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("how", ["fault", "signal"])
 @on_virtual_time
 async def test_a_tuning_that_ends_early_leaves_the_board_as_it_was(how: str) -> None:

@@ -10,14 +10,12 @@ import msgspec
 import pytest
 from tuning_bench import configured
 
-from yahboomd.core.errors import ConfigError, Refused
+from yahboomd.core.errors import Refused
 from yahboomd.tools.tune import saved
 from yahboomd.tools.tune.saved import (
     SavedSettings,
     check_place,
-    finish,
     read_saved,
-    remove,
     save,
     saved_path,
 )
@@ -47,21 +45,6 @@ def test_a_tuning_that_was_killed_leaves_what_the_next_one_keeps(tmp_path):
     assert read_saved(path) == FIRST
 
 
-def test_one_that_came_to_its_end_is_followed_by_another(tmp_path):
-    path = tmp_path / "board.json"
-    finish(path, save(path, FIRST))
-    assert read_saved(path).finished
-    assert save(path, SECOND) is SECOND
-    assert read_saved(path) == SECOND
-
-
-def test_settings_of_another_kind_of_board_are_not_kept_for_this_one(tmp_path):
-    path = tmp_path / "board.json"
-    save(path, FIRST)
-    other = msgspec.structs.replace(SECOND, dialect="rosmaster")
-    assert save(path, other) is other
-
-
 def test_the_disk_has_the_file_and_its_name_before_it_returns(tmp_path, monkeypatch):
     done = []
     monkeypatch.setattr(os, "fsync", lambda fd: done.append(os.readlink(f"/proc/self/fd/{fd}")))
@@ -71,12 +54,6 @@ def test_the_disk_has_the_file_and_its_name_before_it_returns(tmp_path, monkeypa
     made, *then = done
     assert made.startswith(f"{tmp_path}/.board.json.")
     assert then == ["replace", str(tmp_path)]
-
-
-def test_a_file_that_was_cut_short_beside_it_is_no_harm(tmp_path):
-    (tmp_path / ".board.json.new").write_text('{"made": "2026')
-    save(tmp_path / "board.json", FIRST)
-    assert read_saved(tmp_path / "board.json") == FIRST
 
 
 def test_where_the_disk_does_not_take_it_the_board_is_left_alone():
@@ -110,13 +87,6 @@ def test_a_file_of_something_else_is_named(tmp_path):
         read_saved(tmp_path / "board.json")
 
 
-def test_removed_it_is_gone(tmp_path):
-    save(tmp_path / "board.json", FIRST)
-    remove(tmp_path / "board.json")
-    remove(tmp_path / "board.json")
-    assert read_saved(tmp_path / "board.json") is None
-
-
 def test_each_robot_of_a_machine_has_a_file_of_its_own(tmp_path):
     environ = {"STATE_DIRECTORY": str(tmp_path)}
     plain = saved_path(configured("520"), environ, None)
@@ -125,11 +95,3 @@ def test_each_robot_of_a_machine_has_a_file_of_its_own(tmp_path):
     assert plain.parent == tmp_path
     assert len({plain, named, ported}) == 3
     assert "/" not in ported.name
-
-
-def test_without_a_state_directory_nothing_is_written():
-    if os.getuid() == 0:
-        assert saved_path(configured("520"), {}, None).parent == Path("/var/lib/yahboomd")
-        return
-    with pytest.raises(ConfigError, match="no folder"):
-        saved_path(configured("520"), {}, None)

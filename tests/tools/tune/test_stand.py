@@ -7,8 +7,8 @@ import asyncio
 import pytest
 from tuning_bench import TuningBench
 
-from yahboomd.core.errors import BoardError, BoardSilent
-from yahboomd.simulation.motors import FAULTS, HEALTHY
+from yahboomd.core.errors import BoardError
+from yahboomd.simulation.motors import FAULTS
 from yahboomd.simulation.virtual_time import on_virtual_time
 from yahboomd.tools.tune.stand import Stand
 
@@ -35,26 +35,7 @@ async def turning(bench: TuningBench) -> None:
         await asyncio.sleep(0.01)
 
 
-@on_virtual_time
-async def test_a_wheel_that_turns_with_another_one_touches_the_ground() -> None:
-    bench = TuningBench()
-    left, right = motor(bench, "left"), motor(bench, "right")
-
-    async def ground() -> None:
-        while True:
-            right.faults = FAULTS["turning"] if left.speed_m_s > 0.01 else HEALTHY
-            await asyncio.sleep(0.002)
-
-    rolling = asyncio.ensure_future(ground())
-    with pytest.raises(BoardError, match=r"right .* turned while left alone was driven"):
-        async with opened(bench) as stand:
-            await stand.ramp(stand.motors[0], 1)
-    rolling.cancel()
-    await asyncio.gather(rolling, return_exceptions=True)
-    right.faults = HEALTHY
-    await standing(bench)
-
-
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("fault", "words"),
     [
@@ -77,6 +58,7 @@ async def test_a_wheel_that_would_run_away_is_found_without_regulation(fault, wo
     await standing(bench)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("fault", ["encoder-reversed", "phases-swapped"])
 @on_virtual_time
 async def test_a_wheel_that_turns_against_its_command_is_cut_at_once(fault) -> None:
@@ -99,17 +81,7 @@ async def test_a_wheel_that_turns_against_its_command_is_cut_at_once(fault) -> N
     assert fastest > 0.1
 
 
-@on_virtual_time
-async def test_a_wheel_that_never_counts_is_cut() -> None:
-    bench = TuningBench(dialect="polled")
-    for name in ("left", "right"):
-        motor(bench, name).faults = FAULTS["stalled"]
-    with pytest.raises(BoardError, match=r"left .* did not turn within"):
-        async with opened(bench) as stand:
-            await stand.step(0.3, 1.5)
-    await standing(bench)
-
-
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("fault", ["motor-dead", "encoder-dead", "unplugged"])
 @on_virtual_time
 async def test_a_wheel_that_stands_while_another_one_turns_is_cut(fault) -> None:
@@ -119,42 +91,6 @@ async def test_a_wheel_that_stands_while_another_one_turns_is_cut(fault) -> None
         async with opened(bench) as stand:
             # Long before the step ends.
             await asyncio.wait_for(stand.step(0.4, 1.5), 1.2)
-    await standing(bench)
-
-
-@on_virtual_time
-async def test_a_reset_of_the_board_ends_it() -> None:
-    bench = TuningBench()
-
-    async def work() -> None:
-        async with opened(bench) as stand:
-            await stand.step(0.3, 1.5)
-
-    task = asyncio.ensure_future(work())
-    await turning(bench)
-    bench.link.robot.board.reset(bench.link.clock.now_ns(), by_power=True)
-    with pytest.raises(BoardError, match="reset itself"):
-        await task
-    await standing(bench)
-
-
-@pytest.mark.parametrize("while_driven", [True, False])
-@on_virtual_time
-async def test_a_board_that_says_nothing_more_shows_no_wheel_that_turns(while_driven) -> None:
-    bench = TuningBench()
-    motors = bench.link.robot.plant.motors
-
-    async def mute() -> None:
-        for driven in (True,) if while_driven else (True, False):
-            while any(each.pwm for each in motors) != driven:
-                await asyncio.sleep(0.005)
-        bench.link.robot.mute(bench.link.clock.now_ns(), 60.0)
-
-    muting = asyncio.ensure_future(mute())
-    with pytest.raises(BoardSilent, match="no counts come: whether the wheels stand is not known"):
-        async with opened(bench) as stand:
-            await stand.ramp(stand.motors[0], 1)
-    await muting
     await standing(bench)
 
 
@@ -201,14 +137,4 @@ async def test_a_step_is_the_travel_of_each_wheel_along_its_command() -> None:
             for travel in traces.travel_m:
                 assert travel[-1] == pytest.approx(0.4, abs=0.06)
                 assert (travel[-1] - travel[-21]) / 0.2 == pytest.approx(0.4, rel=0.03)
-    await standing(bench)
-
-
-@on_virtual_time
-async def test_settings_that_forbid_motion_forbid_it_here() -> None:
-    bench = TuningBench("310")
-    bench.link.robot.board.flash = type(bench.link.robot.board.flash)(motor_type=1)
-    with pytest.raises(BoardError, match="motor type"):
-        async with opened(bench):
-            raise AssertionError
     await standing(bench)

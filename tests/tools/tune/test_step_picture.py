@@ -37,17 +37,6 @@ def test_each_wheel_has_its_axes_with_both_steps(wheels):
         assert words == [f"before: {summary(NEVER)}", f"after: {summary(SOON)}"]
 
 
-def test_figures_in_a_line():
-    assert summary(SOON) == "rise 0.05 s, overshoot 1.2%, settled 0.08 s"
-    assert summary(NEVER) == "rise never, overshoot 0.0%, not settled"
-
-
-@pytest.mark.parametrize(("name", "magic"), [("a.png", b"\x89PNG"), ("a.svg", b"<?xml")])
-def test_it_is_a_png_or_an_svg(tmp_path, name, magic):
-    save_picture(result(2), tmp_path / name)
-    assert (tmp_path / name).read_bytes().startswith(magic)
-
-
 def test_a_picture_that_cannot_be_written_is_named():
     with pytest.raises(Refused, match="cannot be written"):
         save_picture(result(1), Path("/proc/a.png"))

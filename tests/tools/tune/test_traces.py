@@ -54,12 +54,6 @@ def test_a_trace_says_that_readings_were_held_up() -> None:
     assert not found_in([*rows[:3], *rows[7:]]).whole
 
 
-def test_counts_that_did_not_change_are_no_readings() -> None:
-    rows = readings(14, 20)
-    twice = sorted([*rows, *((at_ns + NEW_NS // 2, counts) for at_ns, counts in rows)])
-    assert found_in(twice) == found_in(rows)
-
-
 def test_the_step_that_ends_elsewhere_than_the_others_is_odd_also_where_a_wheel_stands() -> None:
     def step(left_m: float, right_m: float) -> Traces:
         return Traces(speed_m_s=0.4, travel_m=([0.0, left_m], [0.0, right_m]), whole=True)

@@ -19,11 +19,9 @@ from tuning_bench import TuningBench
 from benchmarks.soak.processes import DAEMON_NICE, prefer
 from yahboomd.cli.main import main
 from yahboomd.cli.tune import TuneCommand
-from yahboomd.core.errors import BoardError, PortBusy, Refused
-from yahboomd.simulation.motors import FAULTS
+from yahboomd.core.errors import PortBusy, Refused
 from yahboomd.simulation.virtual_time import on_virtual_time
 from yahboomd.tools.port.own_port import with_hints
-from yahboomd.tools.stop import stop_local, stop_port
 from yahboomd.tools.tune.saved import read_saved
 
 pytestmark = pytest.mark.realtime
@@ -61,6 +59,7 @@ def begun(tune: Callable[..., Process], board: SimulatedBoard) -> Process:
     return found
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
 def test_a_signal_leaves_standing_wheels_and_an_untouched_board(
     simulated_board, tune, tmp_path, number
@@ -74,6 +73,7 @@ def test_a_signal_leaves_standing_wheels_and_an_untouched_board(
     assert not list(tmp_path.glob("before-tune*"))
 
 
+@pytest.mark.nightly
 def test_killed_among_its_writes_the_wheels_stand_and_undo_restores_the_board(
     simulated_board, tune, tmp_path
 ):
@@ -104,6 +104,7 @@ def test_killed_among_its_writes_the_wheels_stand_and_undo_restores_the_board(
     assert not path.exists()
 
 
+@pytest.mark.nightly
 def test_the_cable_out_in_a_step_is_waited_for_and_the_wheels_are_stopped(
     simulated_board, tune, tmp_path
 ):
@@ -136,6 +137,7 @@ def tell(control: Path, command: str) -> None:
         assert console.recv(99).startswith(b"ok")
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("suspended", [False, True])
 def test_stop_in_a_second_terminal_ends_it_and_sees_the_wheels_stand(
     simulated_board, tune, suspended
@@ -156,19 +158,6 @@ def test_stop_in_a_second_terminal_ends_it_and_sees_the_wheels_stand(
     assert "Ended by SIGTERM: the wheels were stopped" in tuning.output
 
 
-def test_a_stop_that_names_no_port_ends_it_as_well(simulated_board, tune, monkeypatch, capsys):
-    board = simulated_board()
-    tuning = begun(tune, board)
-    # Every other tuning of this machine is left alone by this test.
-    everywhere = stop_local.end_tools
-    monkeypatch.setattr(stop_local, "end_tools", lambda environ: everywhere(environ, board.port))
-    (seized,) = stop_port.seize_measured_ports(None)
-    os.close(seized.fd)
-    assert tuning.end_by_itself() == 128 + signal.SIGTERM, tuning.output
-    assert board.stands
-    assert f"(pid {tuning.process.pid}) has {board.port}: it is ended" in capsys.readouterr().err
-
-
 @on_virtual_time
 async def test_a_dry_run_measures_suggests_and_writes_nothing(tmp_path, capsys) -> None:
     bench, picture = TuningBench("520", "oscillates"), tmp_path / "steps.svg"
@@ -186,15 +175,6 @@ async def test_a_dry_run_measures_suggests_and_writes_nothing(tmp_path, capsys) 
     assert picture.read_text().startswith("<?xml")
     assert found["picture"] == str(picture)
     assert not (tmp_path / "saved").exists()
-
-
-def test_a_port_that_another_process_has_is_named_with_it(simulated_board, tune, tmp_path):
-    board = simulated_board()
-    board.drive()
-    tuning = tune(board, "--yes")
-    assert tuning.end_by_itself() == os.EX_UNAVAILABLE
-    assert f"kill {board.owner.pid}" in tuning.output
-    assert not board.stands
 
 
 def test_while_the_emergency_stop_is_engaged_no_wheel_turns(
@@ -233,6 +213,7 @@ def test_a_picture_that_cannot_be_is_refused_before_a_wheel_turns(tmp_path, caps
     assert words in capsys.readouterr().err
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("as_json", [False, True])
 @on_virtual_time
 async def test_where_the_picture_is_not_written_the_figures_are_shown(
@@ -250,48 +231,3 @@ async def test_where_the_picture_is_not_written_the_figures_are_shown(
         assert "suggested       P" in capsys.readouterr().out
     assert status == 1
     assert "No space left on device" in words
-
-
-@pytest.mark.parametrize("dry_run", [False, True])
-@on_virtual_time
-async def test_a_folder_that_takes_no_file_is_refused_before_a_wheel_turns(
-    tmp_path, dry_run
-) -> None:
-    bench = TuningBench()
-    (tmp_path / "file").touch()
-    args = argparse.Namespace(
-        yes=True, dry_run=dry_run, json=False, output=tmp_path / "steps.svg", speed=0.4
-    )
-    tuning = TuneCommand(args, bench.config, "/dev/simulated", tmp_path / "file" / "saved")
-    if dry_run:
-        assert await tuning.tune(bench.procedure()) == 0
-    else:
-        with pytest.raises(Refused, match=r"file/saved cannot be (read|written)"):
-            await tuning.tune(bench.procedure())
-    driven = {frame for frame in bench.link.frames if frame.startswith((b"$pwm:", b"$spd:"))}
-    assert bool(driven - {b"$pwm:0,0,0,0#", b"$spd:0,0,0,0#"}) == dry_run
-
-
-@on_virtual_time
-async def test_a_tuning_that_ends_early_says_that_the_board_has_its_own_values(
-    tmp_path, capsys
-) -> None:
-    bench, place = TuningBench("520", "oscillates"), tmp_path / "saved"
-    before = bench.link.robot.board.flash
-    args = argparse.Namespace(
-        yes=True, dry_run=False, json=False, output=tmp_path / "steps.svg", speed=0.4
-    )
-    tuning = TuneCommand(args, bench.config, "/dev/simulated", place)
-    procedure = bench.procedure()
-
-    def say(words: str) -> None:
-        if words.startswith("step 2") and bench.link.robot.board.flash != before:
-            now_ns = bench.link.clock.now_ns()
-            bench.link.robot.set_faults("left", FAULTS["encoder-dead"], now_ns=now_ns)
-
-    procedure._say = say
-    with pytest.raises(BoardError):
-        await tuning.tune(procedure)
-    assert "The board stores its former values again." in capsys.readouterr().err
-    assert read_saved(place).finished
-    assert bench.link.robot.board.flash == before

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from yahboomd.tools.tune.estimates.step_response import StepFigures
-from yahboomd.tools.tune.tune_text import lines, values
+from yahboomd.tools.tune.tune_text import lines
 from yahboomd.tools.tune.tuning_result import Result, WheelTuning
 
 SOON = StepFigures(rise_s=0.05, overshoot=0.012, settling_s=0.08, steady_error=-0.001)
@@ -32,9 +32,3 @@ def test_it_has_both_steps_of_each_wheel_and_every_write():
     assert "stored now      P 0.7, I 0.12, D 0; dead zone 1900" in text
     assert "2 values, 1 restarts" in text
     assert "  - A note." in text
-
-
-def test_where_nothing_is_stored_nothing_is_said_of_it():
-    text = "\n".join(lines(Result(speed_m_s=0.4, wheels=[WheelTuning(name="left", position=1)])))
-    assert "stored" not in text
-    assert values({}) == "nothing"

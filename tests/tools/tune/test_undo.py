@@ -41,6 +41,7 @@ async def test_the_board_has_what_was_saved_and_no_wheel_turned(tmp_path, capsys
     assert not any(motor.travel_m for motor in bench.link.robot.plant.motors)
 
 
+@pytest.mark.cases(3)
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("want", [{"pid": (0.9, 0.1, 0.0)}, {"deadzone": 1900}])
 @on_virtual_time
@@ -78,19 +79,6 @@ async def test_what_was_stored_otherwise_since_then_is_left_alone(tmp_path) -> N
 
 
 @on_virtual_time
-async def test_a_board_that_has_it_already_is_written_nothing(tmp_path, capsys) -> None:
-    bench, path = TuningBench("520", "as sold"), tmp_path / "board.json"
-    bench.link.robot.board.flash = type(bench.link.robot.board.flash)(
-        p=0.5, i=0.05, d=0.0, dead_zone=1234
-    )
-    save(path, WAS)
-    assert await undo(bench.link.open, bench.link.clock, path, as_json=True) == 0
-    assert capsys.readouterr().out == (
-        '{"stored_now":{"pid":[0.5,0.05,0.0],"deadzone":1234},"writes":0}\n'
-    )
-
-
-@on_virtual_time
 async def test_another_kind_of_board_is_refused_and_the_file_stays(tmp_path) -> None:
     bench, path = TuningBench("x1"), tmp_path / "board.json"
     bench.link.robot.start(bench.link.clock.now_ns())
@@ -98,12 +86,3 @@ async def test_another_kind_of_board_is_refused_and_the_file_stays(tmp_path) -> 
     with pytest.raises(Refused, match="are those of a streamed board"):
         await undo(bench.link.open, bench.link.clock, path, as_json=False)
     assert read_saved(path) == WAS
-
-
-@on_virtual_time
-async def test_without_a_file_the_others_are_named(tmp_path) -> None:
-    bench = TuningBench()
-    (tmp_path / "before-tune.bot2.json").write_text("{}")
-    with pytest.raises(Refused, match=r"before-tune\.bot2\.json"):
-        await undo(bench.link.open, bench.link.clock, tmp_path / "before-tune.json", as_json=False)
-    assert not bench.link.ports
