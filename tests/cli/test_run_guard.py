@@ -54,7 +54,9 @@ def guarded(real_robot: Callable[..., RealRobot], tmp_path: Path) -> RealRobot:
 
 
 @pytest.mark.realtime
-@pytest.mark.parametrize("name", ["SIGKILL", "SIGSEGV", "SIGSTOP"])
+@pytest.mark.parametrize(
+    "name", ["SIGKILL", pytest.param("SIGSEGV", marks=pytest.mark.nightly), "SIGSTOP"]
+)
 def test_a_daemon_that_is_killed_crashes_or_freezes_in_motion_leaves_standing_wheels(
     guarded: RealRobot, name: str, tmp_path: Path
 ) -> None:

@@ -86,6 +86,7 @@ def test_connections_are_separate_and_one_without_a_board_is_left_out() -> None:
     ]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", ["streamed", "polled", "rosmaster"])
 @on_virtual_time
 async def test_no_byte_of_a_drive_is_lost(tmp_path: Path, dialect: str) -> None:

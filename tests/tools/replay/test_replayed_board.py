@@ -52,6 +52,7 @@ def since_the_first(readings: list[EncoderReading]) -> list[tuple[int, tuple[int
     return [(each.received_ns - first_ns, each.ticks) for each in readings]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", ["streamed", "rosmaster"])
 @on_virtual_time
 async def test_a_session_knows_the_board_and_gets_every_reading_as_long_after_the_first_as_it_was(
@@ -160,6 +161,7 @@ def test_between_two_connections_the_port_goes_away_and_after_the_last_it_ends()
     assert (len(ends), board.counters["connections"]) == (1, 2)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("capture", HEADINGS)
 @on_virtual_time
 async def test_a_capture_is_a_board_that_a_session_knows_and_reads(capture: str) -> None:

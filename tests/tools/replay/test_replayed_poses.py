@@ -23,6 +23,7 @@ def replayed(bench: WireBench) -> PoseReplay:
     return replay
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize(
     ("dialect", "heading"), [("streamed", "wheels"), ("polled", "wheels"), ("rosmaster", "fused")]
 )

@@ -77,6 +77,7 @@ async def test_what_the_board_stores_is_saved_before_the_first_write() -> None:
     assert procedure.result.resets == 1
 
 
+@pytest.mark.nightly
 @on_virtual_time
 async def test_where_no_gains_are_better_the_board_has_its_own_again(monkeypatch) -> None:
     bench = TuningBench("520", "as sold")
@@ -106,6 +107,7 @@ async def test_a_board_that_stores_no_gains_is_measured_and_says_so() -> None:
     assert any("no dead zone is measured" in note for note in result.notes)
 
 
+@pytest.mark.nightly
 @on_virtual_time
 async def test_steps_whose_readings_were_held_up_are_measured_again() -> None:
     bench = TuningBench("520", "oscillates")
@@ -146,6 +148,7 @@ class Garbling:
         self._emit(data, now_ns)
 
 
+@pytest.mark.nightly
 @on_virtual_time
 async def test_a_count_with_an_altered_digit_accuses_no_wheel_and_alters_no_figure() -> None:
     bench = TuningBench("520", dialect="polled")
