@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import ast
+import io
 import re
+import tokenize
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -28,12 +31,36 @@ def test_the_path_for_a_reader_is_there_and_can_be_read_in_a_day() -> None:
     assert lines_of(ROOT / "yahboomd" / name for name in READING_PATH) <= READ_IN_A_DAY
 
 
-MOST_LINES_OF_THE_CORE = 26136
+MOST_CODE_OF_THE_CORE = 16951
 """It only shrinks. A commit that raises it gives the reason, and takes as much away soon."""
 
 
+def code_lines(source: str) -> int:
+    """The lines of code: none of blanks, comments and docstrings."""
+    blank = {
+        *(tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT),
+        *(tokenize.ENCODING, tokenize.ENDMARKER),
+    }
+    code = {
+        line
+        for token in tokenize.generate_tokens(io.StringIO(source).readline)
+        if token.type not in blank
+        for line in range(token.start[0], token.end[0] + 1)
+    }
+    for node in ast.walk(ast.parse(source)):
+        match node:
+            case ast.Expr(value=ast.Constant(value=str())):
+                code -= {*range(node.lineno, (node.end_lineno or node.lineno) + 1)}
+    return len(code)
+
+
 def test_the_core_does_not_grow() -> None:
-    assert lines_of((ROOT / "yahboomd/core").rglob("*.py")) <= MOST_LINES_OF_THE_CORE
+    files = (ROOT / "yahboomd/core").rglob("*.py")
+    assert sum(code_lines(path.read_text()) for path in files) <= MOST_CODE_OF_THE_CORE
+
+
+def test_blanks_comments_and_docstrings_are_no_code() -> None:
+    assert code_lines('"""Doc\nstring."""\n\n# Why.\nX = """a\nb"""  # c\n"""About X."""\n') == 2
 
 
 OWN_FOLDERS = tuple(
