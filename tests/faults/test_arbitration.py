@@ -48,7 +48,7 @@ async def test_a_backlog_of_200_commands_in_4_ms_moves_nothing(
         assert min(bench.rim_speeds) > 0.2
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("on_timeout", "ramps"), [("ramp", True), ("halt", False)])
 @pytest.mark.parametrize("dialect", ["streamed", "polled"])
 @on_virtual_time

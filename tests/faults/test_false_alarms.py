@@ -61,7 +61,7 @@ def base(
     return FaultBench(tmp_path, [*BASES[drive], *limits], simulation)
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("limits", [[], UNLIMITED], ids=["limited", "unlimited"])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("drive", BASES)

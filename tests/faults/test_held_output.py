@@ -36,29 +36,26 @@ async def ended(bench: QueueingBench) -> None:
 async def test_behind_a_slow_port_a_stop_waits_for_one_frame_at_most(
     tmp_path: Path, dialect: str, rate: float
 ) -> None:
-    for phase_ms in (0, 148):
-        folder = tmp_path / str(phase_ms)
-        folder.mkdir()
-        line = Line()
-        async with robot(folder, dialect, line) as bench:
-            await bench.ready()
-            await bench.drive(1.0, 0.4)
-            line.bytes_per_s = rate
-            for index in range(20):
-                # Each differs from the one before: none is left out as a repetition.
-                bench.command(0.4 + 0.001 * (index % 2))
-                await asyncio.sleep(0.05)
-            await asyncio.sleep(phase_ms / 1000)
-            assert line.ports[-1].queued() <= LONGEST_FRAME
-            before_ns = bench.clock.now_ns()
-            bench.operator.engage_estop("a test")
-            await asyncio.sleep(3.0)
-            assert bench.standing
-            # A frame that is under way, the distance to the next, the stop, and the wheels' own.
-            took_ns = bench.stood_at(before_ns) - before_ns
-            assert took_ns <= (2 * 26 / rate + 0.4) * 1e9, took_ns / 1e9
-            if rate < 1000:
-                assert "bytes/s of 11520" in bench.events("port_slow")[0]
+    line = Line()
+    async with robot(tmp_path, dialect, line) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.4)
+        line.bytes_per_s = rate
+        for index in range(20):
+            # Each differs from the one before: none is left out as a repetition.
+            bench.command(0.4 + 0.001 * (index % 2))
+            await asyncio.sleep(0.05)
+        await asyncio.sleep(0.037)
+        assert line.ports[-1].queued() <= LONGEST_FRAME
+        before_ns = bench.clock.now_ns()
+        bench.operator.engage_estop("a test")
+        await asyncio.sleep(3.0)
+        assert bench.standing
+        # A frame that is under way, the distance to the next, the stop, and the wheels' own.
+        took_ns = bench.stood_at(before_ns) - before_ns
+        assert took_ns <= (2 * 26 / rate + 0.4) * 1e9, took_ns / 1e9
+        if rate < 1000:
+            assert "bytes/s of 11520" in bench.events("port_slow")[0]
 
 
 @pytest.mark.cases(1)
@@ -135,7 +132,7 @@ QUEUES = {
 }
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize(
     ("queue", "stall_s"), [(queue, s) for queue, (*_, stalls_s) in QUEUES.items() for s in stalls_s]

@@ -86,7 +86,7 @@ def freeze(for_s: float) -> None:
     loop.freeze(for_s)
 
 
-@pytest.mark.cases(1)
+@pytest.mark.nightly
 @pytest.mark.parametrize("held_s", [0.1, 0.3, 0.6, 0.9, 1.2, 1.9])
 @on_virtual_time
 async def test_lines_that_arrive_in_one_burst_are_never_stamped_in_the_future(
@@ -303,7 +303,7 @@ async def test_answers_to_questions_that_queued_have_a_speed_as_sure_as_it_says(
             assert off < 0.05 + 3.0 * math.sqrt(estimate.twist_covariance[0])
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("tick_s", "jitter_s", "event", "bound_m_s"),
     [
@@ -342,6 +342,7 @@ async def test_whatever_the_tick_of_the_board_the_twist_is_true_and_the_pose_is_
         assert set(bench.heard.kinds) == {"connected"} | ({event} if event else set())
 
 
+@pytest.mark.nightly
 @on_virtual_time
 async def test_a_tick_that_changes_while_the_board_runs_is_noticed(tmp_path: Path) -> None:
     async with LateBench(tmp_path) as bench:

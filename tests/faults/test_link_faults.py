@@ -66,7 +66,7 @@ SELDOM = ("odometry.poll_rate_hz=1", "odometry.publish_rate_hz=1")
 """A stream is missed as soon, however seldom a board without one would be asked."""
 
 
-@pytest.mark.cases(4)
+@pytest.mark.cases(3)
 @pytest.mark.parametrize(
     "fault", ["mute 0.8", "mute 3", "babble 3", "hang", "brown-out 0.5", "reset"]
 )
@@ -234,7 +234,7 @@ HEARD_OR_NOT = [
 ]
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("dialect", "announced"), HEARD_OR_NOT)
 @pytest.mark.parametrize("fault", ["reset", "brown-out 0.3"])
 @on_virtual_time
@@ -309,14 +309,12 @@ async def test_after_a_replug_the_wheels_are_stopped_before_anything_else(
         assert alive(bench)
 
 
-@pytest.mark.cases(2)
-@pytest.mark.parametrize("code", [errno.EIO, errno.ENODEV, errno.ENXIO, errno.EBADF, None])
-@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize("code", [errno.EIO, None])
 @on_virtual_time
 async def test_whatever_the_kernel_calls_a_lost_port_it_is_opened_again_and_the_wheels_stopped(
-    tmp_path: Path, dialect: str, code: int | None
+    tmp_path: Path, code: int | None
 ) -> None:
-    async with robot(tmp_path, dialect=dialect) as bench:
+    async with robot(tmp_path) as bench:
         await bench.ready()
         await bench.drive(1.0, 0.3)
         assert bench.port is not None
@@ -360,10 +358,10 @@ async def test_a_silent_port_is_tried_for_ever_without_spinning(
     async with robot(tmp_path, dialect=dialect) as bench:
         await bench.ready()
         bench.do("hang")
-        await asyncio.sleep(300.0)
+        await asyncio.sleep(100.0)
         attempts = bench.supervisor.counters["attempts"]
-        print(f"five minutes of silence: {attempts} attempts")
-        assert 50 < attempts < 300
+        print(f"100 s of silence: {attempts} attempts")
+        assert 16 < attempts < 100
         assert alive(bench)
 
 

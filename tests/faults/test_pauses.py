@@ -166,7 +166,7 @@ async def test_commands_that_waited_for_a_paused_process_move_nothing(
         assert min(bench.rim_speeds) > 0.2
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("for_s", [0.6, 6.0, 20.0])
 @pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
@@ -188,7 +188,7 @@ async def test_of_stamped_commands_that_waited_only_the_fresh_ones_move_anything
         assert driving == (for_s < 10.0)
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("with_stamps", [True, False])
 @pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time

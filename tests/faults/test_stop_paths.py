@@ -83,7 +83,7 @@ GENTLE = (
 """Only silence may ramp down."""
 
 
-@pytest.mark.cases(4)
+@pytest.mark.cases(3)
 @pytest.mark.parametrize("dialect", EVERY_DIALECT)
 @pytest.mark.parametrize("end", AT_ONCE)
 @on_virtual_time

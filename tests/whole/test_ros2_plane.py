@@ -115,7 +115,7 @@ def stamp_ns(message: Any) -> int:
     return int(stamp["sec"]) * 1_000_000_000 + int(stamp["nanosec"])
 
 
-@pytest.mark.cases(4)
+@pytest.mark.cases(3)
 @pytest.mark.parametrize(("preset", "wish", "names", "turning"), MOTIONS)
 @on_virtual_time
 async def test_x_is_forward_y_is_left_and_turns_are_counter_clockwise_on_every_base(
