@@ -13,7 +13,7 @@ import pytest
 from bench_client import calibrated
 from robot_bench import RobotBench
 from rosmaster_firmware import firmware_instead_of_simulated, like_the_firmwares
-from vendor_firmware import LONG, MOTORS, instead_of_simulated, missing, of_all, rosmaster_missing
+from vendor_firmware import KINDS, LONG, instead_of_simulated, kinds, missing, rosmaster_missing
 
 from yahboomd.simulation.options import TWO_WHEELS, SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
@@ -25,7 +25,7 @@ SCALE, RATIO, TRACK = 1.03, 1.01, 1.04
 TAPE = TapeRuns(straight_m=1.0, speed_m_s=0.3, turn_speed_rad_s=2.0, turns=1)
 SQUARES = SquareRuns(side_m=0.5, count=1, straight_m=1.0, speed_m_s=0.3, turn_speed_rad_s=2.0)
 RUNS = {"tape": TAPE, "squares": SQUARES} if LONG else {"tape": TAPE}
-TRIED = of_all(MOTORS, every=4, first=2)
+TRIED = kinds(4, 2)
 
 
 @pytest.fixture
@@ -50,7 +50,7 @@ async def test_a_whole_calibration_finds_the_true_size(
             msgspec.structs.replace(left, radius_scale=2.0 / (1.0 + RATIO)),
             msgspec.structs.replace(right, radius_scale=2.0 * RATIO / (1.0 + RATIO)),
         ),
-        **MOTORS[motor],
+        **KINDS[motor],
     )
     async with RobotBench(tmp_path, (), robot) as bench:
         await bench.ready()

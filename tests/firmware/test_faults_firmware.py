@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 from fault_bench import CUT, FaultBench, is_stop
-from vendor_firmware import MOTORS, ON_THE_FIRMWARE, of_all
+from vendor_firmware import KINDS, ON_THE_FIRMWARE, kinds, of_all
 
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import VirtualTimeLoop, on_virtual_time
@@ -28,7 +28,7 @@ ACCUSED = {
 
 
 def bench_of(folder: Path, motor: str) -> FaultBench:
-    return FaultBench(folder, (), SimulationOptions(**MOTORS[motor]))
+    return FaultBench(folder, (), SimulationOptions(**KINDS[motor]))
 
 
 async def estop(bench: FaultBench) -> None:
@@ -49,7 +49,7 @@ Ending = Callable[[FaultBench], Awaitable[None]]
 
 @pytest.mark.parametrize(
     ("ending", "motor"),
-    list(zip(itertools.cycle([estop, lost_bus, end]), of_all(MOTORS, every=2), strict=False)),
+    list(zip(itertools.cycle([estop, lost_bus, end]), kinds(2), strict=False)),
 )
 @on_virtual_time
 async def test_a_stop_is_on_the_wire_within_50_ms_and_the_wheels_obey(

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from board_bench import LinkBench
 from fault_bench import FaultBench
-from vendor_firmware import MOTORS, ON_THE_FIRMWARE, of_all
+from vendor_firmware import KINDS, ON_THE_FIRMWARE, kinds
 
 from yahboomd.core.link.stopping import stop_unidentified
 from yahboomd.simulation.options import SimulationOptions
@@ -17,12 +17,12 @@ from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 pytestmark = ON_THE_FIRMWARE
 
 
-@pytest.mark.parametrize("motor", of_all(MOTORS, every=2, first=1))
+@pytest.mark.parametrize("motor", kinds(2, 1))
 @on_virtual_time
 async def test_each_motor_drives_a_curve_whose_pose_is_true_and_stands_at_an_estop(
     tmp_path: Path, motor: str
 ) -> None:
-    async with FaultBench(tmp_path, simulation=SimulationOptions(**MOTORS[motor])) as bench:
+    async with FaultBench(tmp_path, simulation=SimulationOptions(**KINDS[motor])) as bench:
         await bench.ready()
         await bench.drive(3.0, 0.3, 0.5)
         assert min(bench.rim_speeds) > 0.15

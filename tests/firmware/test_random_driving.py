@@ -12,7 +12,7 @@ from random import Random
 
 import pytest
 from fault_bench import FaultBench
-from vendor_firmware import LONG, MOTORS, ON_THE_FIRMWARE, of_all
+from vendor_firmware import KINDS, LONG, ON_THE_FIRMWARE, kinds
 
 from yahboomd.core.model import NS_PER_S
 from yahboomd.simulation.options import SimulationOptions
@@ -51,14 +51,14 @@ async def operate(bench: FaultBench, chance: Random) -> None:
             await asyncio.sleep(chance.choice([0.3, 0.7, 4.0]))
 
 
-@pytest.mark.parametrize("motor", of_all(MOTORS, every=2))
+@pytest.mark.parametrize("motor", kinds(2))
 @on_virtual_time
 async def test_random_driving_raises_no_alarm_obeys_every_stop_and_its_pose_is_true(
     tmp_path: Path, motor: str
 ) -> None:
     chance = Random(f"{motor} {SECONDS}")
     limits = ["limits.linear={velocity=0.6, acceleration=1.0, deceleration=1.5}"]
-    async with FaultBench(tmp_path, limits, SimulationOptions(**MOTORS[motor])) as bench:
+    async with FaultBench(tmp_path, limits, SimulationOptions(**KINDS[motor])) as bench:
         await bench.ready()
         until_ns = bench.clock.now_ns() + SECONDS * NS_PER_S
         while bench.clock.now_ns() < until_ns:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from robot_bench import RobotBench
-from vendor_firmware import MOTORS, ON_THE_FIRMWARE, of_all
+from vendor_firmware import KINDS, MOTORS, ON_THE_FIRMWARE, STICKING, kinds, of_all
 
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
@@ -22,6 +22,9 @@ ROLLED_MM = {0.05: 15.0, 0.1: 25.0, 0.2: 60.0}
 """The farthest of the quick motors."""
 SLOW_MM = {0.05: 65.0, 0.1: 125.0, 0.2: 240.0}
 """Motors that lag by 0.2 s or more: with its stored gains the board's loop needs long."""
+
+LEAP_M_S = 0.2
+"""A wheel that sticks leaps as it breaks away, from the commanded 0.1 m/s."""
 
 CASES = of_all(((motor, slope) for motor in MOTORS for slope in ROLLED_MM), every=10)
 
@@ -35,7 +38,7 @@ def travel_m(bench: RobotBench) -> list[float]:
 
 
 async def driven(folder: Path, motor: str) -> RobotBench:
-    bench = RobotBench(folder, (), SimulationOptions(**MOTORS[motor]))
+    bench = RobotBench(folder, (), SimulationOptions(**KINDS[motor]))
     await bench.__aenter__()
     await bench.ready()
     await bench.drive(1.5, 0.3)
@@ -43,7 +46,7 @@ async def driven(folder: Path, motor: str) -> RobotBench:
     return bench
 
 
-@pytest.mark.parametrize("motor", of_all(MOTORS, every=3, first=1))
+@pytest.mark.parametrize("motor", kinds(3, 1))
 @on_virtual_time
 async def test_at_rest_no_motor_has_output_and_the_next_motion_begins_without_a_jerk(
     tmp_path: Path, motor: str
@@ -63,7 +66,7 @@ async def test_at_rest_no_motor_has_output_and_the_next_motion_begins_without_a_
             speeds = [each.speed_m_s for each in bench.robot.plant.motors]
             fastest = max(fastest, *speeds)
     assert max(speeds) > 0.07
-    assert fastest < 0.15
+    assert fastest < (LEAP_M_S if motor in STICKING else 0.15)
     assert not {"no_counts", "rolled", "stop_not_obeyed"} & {*bench.heard.kinds}
     await bench.__aexit__()
 
@@ -89,7 +92,7 @@ async def test_on_a_slope_a_released_wheel_is_held_within_100_ms_of_5_mm(
     print(f"{motor}, {slope:.0%}: held after {held_ms[0] - rolled_ms[0]} ms, {way_mm:.1f} mm")
     assert held_ms[0] - rolled_ms[0] <= 100
     assert bench.heard.kinds.count("rolled") == 1
-    lags = MOTORS[motor]["time_constant_s"] >= 0.2
+    lags = KINDS[motor]["time_constant_s"] >= 0.2
     assert way_mm < (SLOW_MM if lags else ROLLED_MM)[slope]
     assert bench.controller.state()[0] == "standing"
     await bench.__aexit__()

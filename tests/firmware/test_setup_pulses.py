@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from board_bench import LinkBench
-from vendor_firmware import MOTORS, ON_THE_FIRMWARE, of_all
+from vendor_firmware import MOTORS, ON_THE_FIRMWARE, STICKING, of_all
 
 from yahboomd.core.errors import BoardError
 from yahboomd.core.link import handshake
@@ -80,19 +80,23 @@ KINDS = {
     "35 %, 550 rev/min": {**MOTORS["35 %, quick"], "max_speed_m_s": FASTEST_M_S},
 }
 
+TRIED = {**KINDS, **STICKING}
 
 DEAD_ZONES = (0, 1600, 1900, 2150)
 
 
 @pytest.mark.parametrize(
     ("dead", "dead_zone", "motor"),
-    of_all(itertools.product([False, True], DEAD_ZONES, KINDS), every=5),
+    [
+        *of_all(itertools.product([False, True], DEAD_ZONES, KINDS), every=5),
+        *itertools.product([False, True], (0, 1600), STICKING),
+    ],
 )
 @on_virtual_time
 async def test_no_wheel_turns_more_than_half_a_turn_in_a_pulse_and_one_in_all(
     motor: str, dead_zone: int, dead: bool
 ) -> None:
-    turns, seen = await turned(dead_zone, KINDS[motor], dead=dead)
+    turns, seen = await turned(dead_zone, TRIED[motor], dead=dead)
 
     assert max(turns) <= 0.5
     assert sum(turns) <= 1.0
@@ -102,13 +106,16 @@ async def test_no_wheel_turns_more_than_half_a_turn_in_a_pulse_and_one_in_all(
 
 @pytest.mark.parametrize(
     ("dead_zone", "motor"),
-    of_all(itertools.product(DEAD_ZONES, [*MOTORS, "35 %, 550 rev/min"]), every=5),
+    [
+        *of_all(itertools.product(DEAD_ZONES, [*MOTORS, "35 %, 550 rev/min"]), every=5),
+        *itertools.product((1600,), STICKING),
+    ],
 )
 @on_virtual_time
 async def test_an_encoder_that_fails_after_its_motor_was_tried_lets_it_turn_once_at_most(
     motor: str, dead_zone: int
 ) -> None:
-    turns, _ = await turned(dead_zone, KINDS[motor], fails=True)
+    turns, _ = await turned(dead_zone, TRIED[motor], fails=True)
     assert max(turns) <= 0.5
     assert sum(turns) <= 1.0
 

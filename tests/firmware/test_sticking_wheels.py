@@ -6,22 +6,62 @@ And the simulated motors stick as the ones of the firmwares' rigs do.
 from __future__ import annotations
 
 import asyncio
+import math
 import struct
+from pathlib import Path
+from typing import Any
 
+import msgspec
 import pytest
+from bench_client import calibrated
 from board_bench import LinkBench
-from rosmaster_firmware import firmware_instead_of_simulated
-from vendor_firmware import instead_of_simulated, missing, rosmaster, rosmaster_missing
+from move_bench import Drive, MoveBench
+from robot_bench import RobotBench
+from rosmaster_firmware import firmware_instead_of_simulated, like_the_firmwares
+from simulated_person import connected, set_up, true_wiring
+from vendor_firmware import KINDS, instead_of_simulated, missing, rosmaster, rosmaster_missing
 
+from yahboomd.client.move_messages import Move
 from yahboomd.core.protocol.rosmaster.packets import frame
 from yahboomd.simulation.four_channel.flash import FlashContent, tuning
 from yahboomd.simulation.motors import FAULTS, PWM_MAX, MotorLaw, MotorState
+from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.rosmaster.rosmaster_flash import RosmasterStored
 from yahboomd.simulation.speed_loop import LoopSettings, wind_up_s
 from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.tools.calibrate.choices import TapeRuns
+from yahboomd.tools.setup.description import Given
+
+FLOOR: dict[str, Any] = {
+    "rated_volts": 12.0,
+    "motor_dead_zone": round(0.40 * PWM_MAX),
+    "friction_scales": (1.05, 1.075, 0.975, 1.0),
+    "sticks": (1.2,),
+}
+"""Of an X3: 47 to 52 % of full output at 12 V begins to turn a wheel."""
+
+
+def x3(folder: Path, volts: float) -> RobotBench:
+    robot = like_the_firmwares(1, volts=volts, start_up_s=0.5)
+    robot = msgspec.structs.replace(robot, **FLOOR)
+    overrides = [
+        *("board.profile=x3", "chassis.preset=mecanum"),
+        f"chassis.wheel_separation_m={robot.wheel_separation_m}",
+        f"chassis.wheel_base_m={robot.wheel_base_m}",
+    ]
+    return RobotBench(folder, overrides, robot)
+
 
 IMAGE = pytest.mark.skipif(bool(missing()), reason=missing())
 ROSMASTER = pytest.mark.skipif(bool(rosmaster_missing()), reason=rosmaster_missing())
+
+LATCHED = pytest.mark.xfail(
+    reason="no_counts: the core waits 0.6 to 1.4 s, and the board's loop needs up to 6.5 s"
+)
+SHORT = pytest.mark.xfail(
+    reason="short: X3 8 mm, 1.8, 4.9, 7.4 degrees; image 7 mm and 8.6 degrees off, 3.9, 6.6 degrees"
+)
+"""What the product does not do right yet, on these floors."""
 
 SOLD, TUNED = (0.8, 0.06, 0.5), (0.3, 0.15, 0.0)
 
@@ -139,3 +179,147 @@ def test_a_motor_of_the_rosmaster_rig_breaks_away_when_the_simulated_one_does(
     assert ours_ms == pytest.approx(theirs_ms, abs=11.0)
     for index, motor in enumerate(motors):
         assert motor.travel_m == pytest.approx(board.tr.ang[index] * 0.0325, rel=0.02)
+
+
+FAULTY = {
+    *("no_counts", "off_speed", "blocked", "runaway_against", "runaway_fast"),
+    *("turns_without_command", "stop_not_obeyed"),
+}
+SLOW = [(0.0, 0.12), (0.0, 0.30), (0.0, 0.50), (0.12, 0.0), (0.03, 0.0)]
+"""Commands at which a real X3 began to turn late, or not at all: m/s, rad/s."""
+
+
+@ROSMASTER
+@pytest.mark.parametrize(
+    ("vx", "wz", "volts"),
+    [
+        *(pytest.param(*command, 10.5, marks=LATCHED) for command in SLOW),
+        pytest.param(*SLOW[0], 12.0, marks=LATCHED),
+        *((*command, 12.0) for command in SLOW[1:]),
+    ],
+)
+@on_virtual_time
+async def test_a_healthy_x3_that_begins_to_turn_late_is_not_called_faulty(
+    tmp_path: Path, vx: float, wz: float, volts: float
+) -> None:
+    with firmware_instead_of_simulated():
+        async with x3(tmp_path, volts) as bench:
+            await bench.ready()
+            await bench.drive(8.0, vx, wz)
+            truth = bench.robot.truth(bench.clock.now_ns())
+            print([round(each, 3) for each in truth.travel_m], bench.controller.state())
+            assert not FAULTY & {*bench.heard.kinds}, bench.heard.events
+
+
+@IMAGE
+@LATCHED
+@pytest.mark.parametrize(("vx", "wz"), [(0.05, 0.0), (0.12, 0.0), (0.0, 0.50)])
+@on_virtual_time
+async def test_a_healthy_wheel_that_sticks_alone_is_not_called_faulty(
+    tmp_path: Path, vx: float, wz: float
+) -> None:
+    robot = SimulationOptions(**{**KINDS["40 %"], "sticks": (1.0, 1.5)})
+    with instead_of_simulated():
+        async with RobotBench(tmp_path, (), robot) as bench:
+            await bench.ready()
+            await bench.drive(8.0, vx, wz)
+            truth = bench.robot.truth(bench.clock.now_ns())
+            print([round(each, 3) for each in truth.travel_m], bench.controller.state())
+            assert not FAULTY & {*bench.heard.kinds}, bench.heard.events
+
+
+BROKEN = pytest.mark.xfail(
+    reason="'the motor did not turn ... motor or driver are broken' for all four, from 64 % on"
+)
+
+
+@ROSMASTER
+@pytest.mark.parametrize(
+    ("stick", "volts"), [(1.2, 10.5), (1.2, 12.0), pytest.param(1.4, 10.5, marks=BROKEN)]
+)
+@on_virtual_time
+async def test_setup_calls_no_healthy_wheel_of_a_sticking_x3_broken(
+    stick: float, volts: float
+) -> None:
+    options = msgspec.structs.asdict(like_the_firmwares(1, volts=volts))
+    options |= FLOOR | {"sticks": (stick,)}
+    given = Given(
+        profile="x3",
+        kinematics="mecanum",
+        wheel_diameter_mm=65.0,
+        wheel_separation_mm=169.0,
+        wheel_base_mm=160.0,
+    )
+    with firmware_instead_of_simulated():
+        bench = LinkBench(**options)
+        found = await set_up(bench, given)
+    assert found.wiring.faults == ()
+    assert connected(found) == true_wiring(bench)
+
+
+@ROSMASTER
+@pytest.mark.parametrize("volts", [10.5, 12.0])
+@on_virtual_time
+async def test_tape_finds_the_true_size_of_a_sticking_x3(tmp_path: Path, volts: float) -> None:
+    runs = TapeRuns(straight_m=1.0, speed_m_s=0.3, turn_speed_rad_s=2.0, turns=1)
+    with firmware_instead_of_simulated():
+        async with x3(tmp_path, volts) as bench:
+            await bench.ready()
+            person = await calibrated(bench, runs, tmp_path)
+    assert not FAULTY & {*bench.heard.kinds}, bench.heard.events
+    found = person.facts["chassis"]
+    assert found["wheel_radius_multiplier"]["front_left"] == pytest.approx(1.0, abs=0.002)
+    assert found["wheel_separation_multiplier"] == pytest.approx(1.0, abs=0.002)
+
+
+AHEAD, RIGHT_ANGLE, TEN_DEGREES = MOVES = (
+    Move(kind="straight", distance_m=0.4),
+    Move(kind="turn", angle_rad=math.radians(90.0)),
+    Move(kind="turn", angle_rad=math.radians(10.0)),
+)
+
+
+@ROSMASTER
+@pytest.mark.parametrize(
+    ("move", "volts"),
+    [
+        *(pytest.param(move, 10.5, marks=SHORT) for move in MOVES),
+        pytest.param(AHEAD, 12.0, marks=SHORT),
+        (RIGHT_ANGLE, 12.0),
+        (TEN_DEGREES, 12.0),
+    ],
+)
+@on_virtual_time
+async def test_a_move_of_a_sticking_x3_ends_at_its_goal(
+    tmp_path: Path, move: Move, volts: float
+) -> None:
+    with firmware_instead_of_simulated():
+        async with MoveBench(tmp_path, "x3", battery_volts=volts, **FLOOR) as bench:
+            await bench.ready()
+            await asyncio.sleep(0.5)
+            driven = await bench.move([move])
+    judged(driven, move)
+
+
+@IMAGE
+@SHORT
+@pytest.mark.parametrize("move", MOVES)
+@on_virtual_time
+async def test_a_move_on_a_sticking_floor_ends_at_its_goal(tmp_path: Path, move: Move) -> None:
+    motor = {**KINDS["40 %, sticks"]}
+    lag_s = motor.pop("time_constant_s")
+    with instead_of_simulated():
+        async with MoveBench(tmp_path, "2wd", lag_s, **motor) as bench:
+            await bench.ready()
+            await asyncio.sleep(0.3)
+            driven = await bench.move([move])
+    judged(driven, move)
+
+
+def judged(driven: Drive, move: Move) -> None:
+    off_m = driven.ahead_m - (move.distance_m or 0.0)
+    off_deg = math.degrees(driven.turned_rad - (move.angle_rad or 0.0))
+    print(f"{driven.ended}: {1000 * off_m:+.0f} mm, {off_deg:+.1f} degrees, {driven.time_s:.1f} s")
+    assert driven.ended.reason == "reached"
+    assert abs(off_m) < (0.005 if move.kind == "straight" else 0.010)
+    assert abs(off_deg) < 1.0

@@ -10,7 +10,7 @@ import pytest
 from board_bench import LinkBench
 from robot_bench import RobotBench
 from simulated_person import FOUR, connected, set_up, true_wiring
-from vendor_firmware import MOTORS, ON_THE_FIRMWARE, of_all
+from vendor_firmware import KINDS, MOTORS, ON_THE_FIRMWARE, STICKING, kinds, of_all
 
 from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.simulation.options import FOUR_WHEELS, SimulationOptions, at_plug
@@ -36,24 +36,28 @@ async def test_probe_reads_all_that_the_board_knows_and_writes_nothing() -> None
     assert not commands & {b"mtype", b"deadzone", b"mline", b"mphase", b"wdiameter", b"MPID"}
 
 
-@pytest.mark.parametrize("motor", of_all(MOTORS, every=6, first=5))
+@pytest.mark.parametrize("motor", kinds(6, 5))
 @on_virtual_time
 async def test_a_whole_setup_finds_four_wheels_however_they_are_connected(motor: str) -> None:
     plugs = (3, -1, -4, 2)
     wiring = tuple(at_plug(wire, plug) for wire, plug in zip(FOUR_WHEELS, plugs, strict=True))
-    bench = LinkBench(drive="skid_steer", wiring=wiring, **MOTORS[motor])
+    bench = LinkBench(drive="skid_steer", wiring=wiring, **KINDS[motor])
     found = await set_up(bench, FOUR)
     assert connected(found) == true_wiring(bench)
     assert found.wiring.faults == ()
 
 
 @pytest.mark.parametrize(
-    ("motor", "at_rest"), of_all(itertools.product(MOTORS, ["auto", "hold"]), every=7)
+    ("motor", "at_rest"),
+    [
+        *of_all(itertools.product(MOTORS, ["auto", "hold"]), every=7),
+        *itertools.product(STICKING, ["auto"]),
+    ],
 )
 @on_virtual_time
 async def test_tape_sees_the_wheels_come_to_rest(tmp_path: Path, motor: str, at_rest: str) -> None:
     overrides = [f"command.at_rest={at_rest}"]
-    async with RobotBench(tmp_path, overrides, SimulationOptions(**MOTORS[motor])) as bench:
+    async with RobotBench(tmp_path, overrides, SimulationOptions(**KINDS[motor])) as bench:
         await bench.ready()
         await bench.drive(1.5, 0.3)
         bench.command(0.0)

