@@ -208,18 +208,6 @@ async def test_applications_reach_the_robot_through_a_router_that_comes_later(
     await exercise(robot, zenoh_app(mode, zenoh_router.endpoint))
 
 
-@pytest.mark.nightly
-@pytest.mark.parametrize("mode", ["client", "peer"])
-async def test_applications_reach_the_robot_through_a_router_that_was_there_first(
-    zenoh_router, zenoh_app, mode
-):
-    zenoh_router.start()
-    app = zenoh_app(mode, zenoh_router.endpoint)
-    options = BusOptions(listen=(free_endpoint(),), connect=(zenoh_router.endpoint,))
-    async with Bus(options) as bus:
-        await exercise(bus, app)
-
-
 async def test_the_robot_outlives_its_router_and_joins_it_again(robot, zenoh_router, zenoh_app):
     direct = zenoh_app("peer", robot.options.listen[0])
     changes = []
@@ -480,16 +468,6 @@ async def test_what_was_put_before_a_router_came_reaches_who_looks_later(zenoh_r
         app = zenoh_app("client", zenoh_router.endpoint)
         with late_subscriber(app.session, "tf_static") as heard:
             assert (await eventually(lambda: heard))[0].payload == b"static frames"
-
-
-async def test_a_cached_sample_reaches_who_comes_later(bus, zenoh_app):
-    publisher = bus.publisher("tf_static", encoding="application/cdr", cache=1)
-    assert publisher.has_subscribers
-    for payload in (b"old", b"static frames"):
-        assert publisher.put(payload)
-    app = zenoh_app("client", bus.options.listen[0])
-    with late_subscriber(app.session, "bot1/tf_static") as heard:
-        assert (await eventually(lambda: heard))[0].payload.to_bytes() == b"static frames"
 
 
 PATIENT = """

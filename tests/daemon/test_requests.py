@@ -22,7 +22,6 @@ from yahboomd.core.daemon.estop.latch_file import LatchFile
 from yahboomd.core.daemon.requests import Services
 from yahboomd.core.messages import cdr
 from yahboomd.core.messages.native import BatterySample, ServiceReply
-from yahboomd.core.model import Pose2d
 from yahboomd.ros2.messages import ros2_encoders
 from yahboomd.simulation.motors import MotorFaults
 from yahboomd.simulation.virtual_time import on_virtual_time
@@ -141,14 +140,6 @@ async def test_copies_of_a_release_are_answered_as_done(tmp_path: Path) -> None:
         bench.operator.engage_estop("a test")
         assert all(bench.operator.release_estop()[0] for _ in range(32))
         assert bench.heard.kinds.count("estop_released") == 1
-
-
-@on_virtual_time
-async def test_setting_the_pose_says_where_the_robot_is_now(tmp_path: Path) -> None:
-    async with RobotBench(tmp_path) as bench:
-        words = bench.operator.set_pose(Pose2d(x=1.0, y=-2.0, theta=0.5), None)
-        assert words == "The pose is x 1 m, y -2 m, theta 0.5 rad."
-        assert "pose_set" in bench.heard.kinds
 
 
 @pytest.mark.parametrize("hangs", [False, True])

@@ -27,7 +27,6 @@ from yahboomd.core.daemon.black_box import MakesBlackBox
 from yahboomd.core.daemon.logs import PatientHandler
 from yahboomd.core.daemon.planes import Plane
 from yahboomd.core.daemon.service import Daemon
-from yahboomd.core.errors import BusError
 from yahboomd.core.model import STANDING_M_S
 from yahboomd.ros2.ros2_plane import Ros2Plane
 from yahboomd.simulation.memory import MemoryPort
@@ -185,32 +184,15 @@ async def follow_and_stop(running: Running) -> None:
     await running.drive()
 
 
-@pytest.mark.nightly
-async def test_a_velocity_beyond_all_robots_is_refused_and_counted_and_the_daemon_lives(
-    running: Running,
-) -> None:
-    await running.state("standing")
-    numbers = ("1e39", "-3.5e38", "1e308", "101")
-    for number in numbers:
-        running.session.put("bot1/cmd_vel", f'{{"vx": {number}}}'.encode())
-    await eventually(lambda: running.decoded("status")[-1]["command"]["too_fast"] == len(numbers))
-    assert fastest_m_s(running) == 0.0
-    assert not running.task.done()
-    assert running.decoded("status")[-1]["command"]["blackbox_recording"] == 1
-    await follow_and_stop(running)
-
-
-@pytest.mark.cases(1)
-@pytest.mark.parametrize("error", [RuntimeError("x"), OSError(28, "No space left on device")])
 async def test_what_only_records_may_fail_and_the_wheels_follow_and_stop(
-    running: Running, error: Exception
+    running: Running,
 ) -> None:
     """Each of them is switched off, counted and named in the status, as long as there is one."""
     await running.state("standing")
     await running.drive()
 
     def fail(*_: object, **__: object) -> None:
-        raise error
+        raise OSError(28, "No space left on device")
 
     daemon = running.daemon
     box, publisher = daemon._box, daemon._publisher
@@ -227,7 +209,7 @@ async def test_what_only_records_may_fail_and_the_wheels_follow_and_stop(
     status = running.decoded("status")[-1]["command"]
     parts = "The black box", "The pose on the bus", "The events on the bus", "The status for ROS 2"
     for name in parts:
-        assert f"{name}: {type(error).__name__}" in status["recorders_off"]
+        assert f"{name}: OSError" in status["recorders_off"]
     assert (status["blackbox_recording"], status["blackbox_saving"]) == (0, 0)
     publisher.status = fail  # type: ignore[method-assign]
     daemon._controller.state = fail  # type: ignore[method-assign]
@@ -240,32 +222,6 @@ async def test_what_only_records_may_fail_and_the_wheels_follow_and_stop(
     assert fastest_m_s(running) < STANDING_M_S
     # A ring that is left tells the next start that this daemon was killed.
     assert not ring.exists()
-
-
-class BrokenPlane:
-    name = "the test"
-
-    def start(self, *_: object) -> NoReturn:
-        raise RuntimeError("no such graph")
-
-
-@pytest.mark.nightly
-async def test_a_plane_that_does_not_start_is_reported_and_the_wheels_follow_and_stop(
-    tmp_path: Path,
-) -> None:
-    running = Running(tmp_path, planes=(BrokenPlane(), Ros2Plane()))
-    await running.listen()
-    try:
-        await running.state("standing")
-        await running.drive()
-        await follow_and_stop(running)
-        status = running.decoded("status")[-1]["command"]
-        assert status["recorder_failures"] == 1
-        assert "The start for the test: RuntimeError: no such graph" in status["recorders_off"]
-        # The next one was started.
-        assert [name for name, _ in running.daemon._planes._started] == ["ROS 2"]
-    finally:
-        await running.end()
 
 
 @pytest.mark.nightly
@@ -398,18 +354,6 @@ async def test_an_error_in_a_task_stops_the_wheels_and_ends_the_daemon(
     with pytest.raises(BaseExceptionGroup):
         await running.task
     assert max(abs(motor.speed_m_s) for motor in running.robot.plant.motors) < 0.03
-
-
-@pytest.mark.nightly
-async def test_a_bus_that_cannot_be_opened_is_reported_without_a_traceback(tmp_path: Path) -> None:
-    config = read(
-        None,
-        environ={},
-        overrides=["zenoh.mode=client", f'zenoh.connect=["{free_endpoint()}"]'],
-    ).config
-    environ = {"RUNTIME_DIRECTORY": str(tmp_path), "STATE_DIRECTORY": str(tmp_path)}
-    with pytest.raises(BusError):
-        await Daemon(config, environ=environ, black_box=BoxKeeper).run()
 
 
 async def test_a_service_is_ready_once_the_port_that_it_listens_on_is_free(tmp_path: Path) -> None:

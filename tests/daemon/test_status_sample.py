@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from pathlib import Path
 from typing import Any
 
@@ -117,19 +116,3 @@ async def test_since_is_constant_while_the_state_lasts_and_follows_a_clock_that_
         await bench.drive(0.1, 0.3)
         after = telling.sample()
         assert after.since_ns - samples[0].since_ns == pytest.approx(7.2e12, abs=1e4)
-
-
-@on_virtual_time
-async def test_since_is_when_the_state_began(tmp_path: Path) -> None:
-    async with RobotBench(tmp_path) as bench:
-        await bench.ready()
-        telling = status(bench)
-        first = telling.sample()
-        await asyncio.sleep(1.0)
-        second = telling.sample()
-        assert second.since_ns == first.since_ns
-        assert second.stamp_ns > first.stamp_ns
-        bench.operator.engage_estop("a test")
-        third = telling.sample()
-        assert third.state == "estopped"
-        assert third.since_ns > first.since_ns

@@ -13,7 +13,6 @@ from robot_bench import RobotBench
 
 from yahboomd.core.daemon.supervisor import BACK_OFF_S, Supervisor, storing_opener
 from yahboomd.core.errors import (
-    BoardError,
     LinkError,
     PortDenied,
     PortLost,
@@ -23,7 +22,6 @@ from yahboomd.core.errors import (
 from yahboomd.core.model import Event
 from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.simulation.four_channel.flash import FlashContent
-from yahboomd.simulation.motors import FAULTS
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 
@@ -79,15 +77,6 @@ async def test_what_is_stored_already_is_not_written_again(tmp_path: Path) -> No
 
 
 @on_virtual_time
-async def test_a_polled_board_has_nothing_to_store_and_drives(tmp_path: Path) -> None:
-    async with RobotBench(tmp_path, [ON], SimulationOptions(dialect="polled")) as bench:
-        await bench.ready()
-        await bench.drive(1.0, 0.3)
-        assert min(bench.rim_speeds) == pytest.approx(0.3, abs=0.03)
-        assert bench.heard.kinds == ["connected"]
-
-
-@on_virtual_time
 async def test_a_value_that_the_board_refuses_is_reported_and_the_port_opened(
     tmp_path: Path,
 ) -> None:
@@ -100,18 +89,6 @@ async def test_a_value_that_the_board_refuses_is_reported_and_the_port_opened(
     assert "dead zone 1900" in events[0].message
     port.close()
     await asyncio.sleep(0)
-
-
-@on_virtual_time
-async def test_nothing_is_stored_while_a_wheel_turns(tmp_path: Path) -> None:
-    board = LinkBench(flash=FlashContent(lines=0))
-    board.on_open = lambda _times: board.robot.set_faults(
-        "left", FAULTS["turning"], now_ns=board.now_ns
-    )
-    opener = storing_opener(board.open, board.clock, PROFILES["520"].settings, lambda _: None)
-    with pytest.raises(BoardError, match="at rest only"):
-        await opener()
-    assert not any(frame.startswith(b"$mline") for frame in board.frames)
 
 
 class Missing:

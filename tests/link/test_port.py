@@ -7,9 +7,6 @@ import errno
 import fcntl
 import os
 import pty
-import subprocess
-import sys
-import termios
 import tty
 from collections.abc import AsyncIterator, Callable, Iterator
 
@@ -27,7 +24,7 @@ from yahboomd.core.link.port import (
     byte_time_ns,
     open_port,
 )
-from yahboomd.core.link.port_errors import holders, lost
+from yahboomd.core.link.port_errors import lost
 from yahboomd.core.link.seize import FIRST_WORDS, seize
 
 pytestmark = pytest.mark.realtime
@@ -153,26 +150,6 @@ async def test_a_second_owner_is_refused_and_the_first_is_named(
     assert "stop the other one" in str(caught.value)
 
 
-@pytest.mark.nightly
-async def test_the_holder_in_another_process_is_named(device: Device) -> None:
-    code = (
-        "import os, fcntl, sys; fd = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY);"
-        "fcntl.flock(fd, fcntl.LOCK_EX); print('held', flush=True); sys.stdin.read()"
-    )
-    with subprocess.Popen(
-        [sys.executable, "-c", code, device.path], stdin=subprocess.PIPE, stdout=subprocess.PIPE
-    ) as holder:
-        assert holder.stdout is not None
-        assert holder.stdin is not None
-        holder.stdout.readline()
-        try:
-            assert any(f"pid {holder.pid}" in each for each in holders(device.path))
-            with pytest.raises(PortBusy, match=f"pid {holder.pid}"):
-                await open_port(PortOptions(path=device.path), SystemClock())
-        finally:
-            holder.stdin.close()
-
-
 async def test_a_missing_port_is_named_with_the_remedy() -> None:
     with pytest.raises(PortMissing, match=r"/dev/not-there.*plugged in"):
         await open_port(PortOptions(path="/dev/not-there"), SystemClock())
@@ -181,22 +158,6 @@ async def test_a_missing_port_is_named_with_the_remedy() -> None:
 async def test_what_is_no_serial_port_is_refused() -> None:
     with pytest.raises(LinkError, match=r"^/dev/null: this is no serial port\."):
         await open_port(PortOptions(path="/dev/null"), SystemClock())
-
-
-async def test_closing_leaves_the_port_to_the_next(device: Device) -> None:
-    for _ in range(3):
-        port = await open_port(PortOptions(path=device.path), SystemClock())
-        port.close()
-
-
-@pytest.mark.parametrize("keep", [True, False])
-async def test_dtr_is_dropped_at_close_only_where_wanted(device: Device, keep: bool) -> None:
-    port = await open_port(PortOptions(path=device.path, hangup_on_close=keep), SystemClock())
-    slave = os.open(device.path, os.O_RDWR | os.O_NOCTTY) if os.geteuid() == 0 else None
-    if slave is not None:
-        assert bool(termios.tcgetattr(slave)[2] & termios.HUPCL) is keep
-        os.close(slave)
-    port.close()
 
 
 async def test_an_idle_port_that_hangs_up_is_reported(port: SerialPort, device: Device) -> None:

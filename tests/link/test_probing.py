@@ -32,16 +32,6 @@ async def test_everything_that_a_streamed_board_knows_is_reported() -> None:
     assert board.ports[0].closed
 
 
-@on_virtual_time
-async def test_a_polled_board_tells_its_counters() -> None:
-    board = LinkBench(dialect="polled", initial_ticks=(10, 20, 30, 40))
-    found = await examine(board.open, board.clock, WANT)
-    assert found.dialect is not None
-    assert (found.dialect.name, found.settings, found.volts) == ("polled", None, None)
-    assert found.ticks == (10, 20, 30, 40)
-    assert found.standing is True
-
-
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
 async def test_examining_writes_no_setting_and_moves_nothing(dialect: str) -> None:

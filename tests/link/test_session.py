@@ -16,7 +16,6 @@ from yahboomd.core.link.session import SessionOptions
 from yahboomd.core.model import EncoderReading
 from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.core.protocol.registry import connect_stop
-from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.motors import MotorFaults
 from yahboomd.simulation.options import ImpairmentOptions, SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
@@ -76,21 +75,6 @@ async def test_wheels_that_turn_after_a_crash_are_stopped_before_the_board_is_as
             await again.until(lambda: max(map(abs, again.rim_speeds)) < 0.03)
 
 
-@on_virtual_time
-async def test_the_settings_of_the_board_are_read() -> None:
-    flash = FlashContent(lines=13, ratio=20, wheel_diameter_mm=48.0)
-    async with Bench(SimulationOptions(flash=flash)) as board:
-        await board.connected()
-        settings = board.recorder.identities[0].settings
-        assert settings is not None
-        assert (settings["lines"], settings["ratio"], settings["wheel_diameter_mm"]) == (
-            13,
-            20,
-            48.0,
-        )
-        assert settings["version"] == "1.7.3"
-
-
 @pytest.mark.parametrize(("wanted", "there"), [("polled", "streamed"), ("streamed", "polled")])
 @on_virtual_time
 async def test_the_other_dialect_than_the_configured_one_is_named(wanted: str, there: str) -> None:
@@ -145,20 +129,6 @@ async def test_wheels_stop_when_a_task_dies(name: str, how: str) -> None:
             board.wheels._poller._look = lambda: 1 / 0  # type: ignore[assignment, return-value, method-assign]
         with pytest.raises((RuntimeError, ZeroDivisionError)):
             await board.ended()
-        assert max(map(abs, board.rim_speeds)) < 0.03
-
-
-@on_virtual_time
-async def test_wheels_stop_when_the_consumer_of_readings_fails() -> None:
-    async with bench("streamed") as board:
-        await board.connected()
-        board.wheels.drive((300, 0, 300, 0))
-        await board.until(lambda: min(board.rim_speeds) > 0.2)
-        board.wheels._poller._on_reading = lambda _: 1 / 0  # type: ignore[assignment, return-value]
-        with pytest.raises(ZeroDivisionError):
-            await board.ended()
-        board.robot.advance(board.now_ns())
-        await asyncio.sleep(0.5)
         assert max(map(abs, board.rim_speeds)) < 0.03
 
 
@@ -252,18 +222,6 @@ async def test_a_reset_is_noticed_however_long_the_line_is(rtt_ms: int) -> None:
         await asyncio.sleep(2.0)
         board.robot.reset(board.now_ns())
         await board.until(lambda: len(board.recorder.resets) == 2, within_s=2.0)
-
-
-@pytest.mark.parametrize("fault", ["reset", "brown_out"])
-@on_virtual_time
-async def test_a_reset_just_after_connecting_is_noticed_or_armed_again(fault: str) -> None:
-    async with bench("streamed") as board:
-        await board.connected()
-        getattr(board.robot, fault)(board.now_ns())
-        count = len(board.recorder.readings)
-        await board.until(lambda: len(board.recorder.readings) > count + 10, within_s=1.0)
-        first = board.recorder.readings[count]
-        assert first.after_reset or first.after_gap
 
 
 @on_virtual_time

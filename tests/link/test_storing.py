@@ -79,14 +79,6 @@ async def test_zeros_and_a_wrong_type_are_replaced() -> None:
 
 
 @on_virtual_time
-async def test_a_ratio_with_decimals_is_stored_as_the_whole_number_that_the_board_can() -> None:
-    board = LinkBench(motor_type=2)
-    storing = await stored(board, P310)
-    assert storing.complete
-    assert flash_of(board).ratio == 20
-
-
-@on_virtual_time
 async def test_one_value_at_a_time_each_after_the_answer_to_the_one_before() -> None:
     board = LinkBench(motor_type=2)
     await stored(board, P310)
@@ -158,23 +150,6 @@ async def test_firmware_that_confirms_no_dead_zone_is_read_back() -> None:
     storing = await stored(board, P520)
     assert storing.complete
     assert storing.steps[0].answer == ""
-
-
-@on_virtual_time
-async def test_a_command_that_is_lost_is_sent_again() -> None:
-    board = LinkBench()
-    lost = [b"$deadzone:1900#"]
-
-    def lose(data: bytes) -> bytes | None:
-        if data in lost:
-            lost.remove(data)
-            return None
-        return data
-
-    board.on_write = lose
-    storing = await stored(board, P520)
-    assert storing.complete
-    assert storing.steps[0].attempts == 2
 
 
 @on_virtual_time
