@@ -3,10 +3,9 @@
 Nothing else reconnects. A missing port is looked for with bounded back-off; one fault is logged
 once, and counted while it repeats.
 
-With ``board.write_settings`` the profile is stored on the board before each session, as ``yahboomd
-probe --write`` does it: the wheels at rest, value by value, each read back. A board that has the
-probe --write`` does it: the wheels at rest, value by value, each read back. Nothing is written to a
-board that has the profile already.
+With ``board.write_settings`` the profile, but for its motor or car type, is stored on the board
+before each session, as ``yahboomd probe --write`` does it: the wheels at rest, value by value, each
+read back. Nothing is written to a board that has the profile already.
 """
 
 from __future__ import annotations
