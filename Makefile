@@ -140,8 +140,8 @@ mutants: $(VENV)/.mutants ## do tests notice one-token changes? ROOM=drive SAMPL
 planted-faults: $(VENV)/.dev ## which tests find faults put in by hand? TIER=test (or quick, all; hours; ARGS='NAME --only tests/link': minutes)
 	@exec $(PY) make/planted_faults.py --tier $(TIER) $(ARGS)
 
-soak: $(VENV)/.run ## daemon and simulated board through all faults: MINUTES=60 SEED=1
-	@exec $(PY) -m benchmarks.soak --minutes $(MINUTES) --seed $(SEED) $(ARGS)
+soak: $(VENV)/.dev ## daemon and simulated boards as processes, through eleven kinds of faults: MINUTES=60 SEED=1
+	@PYTHONPATH=tests/plugins $(PY) -m benchmarks.soak --minutes $(MINUTES) --seed $(SEED) $(ARGS)
 
 alarms: $(VENV)/.dev ## false alarms and cut times on virtual time, random driving on bad lines: MINUTES=60 SEED=1
 	@PYTHONPATH=tests/plugins $(PY) -m benchmarks.false_alarms --minutes $(MINUTES) --seed $(SEED) $(ARGS)

@@ -184,6 +184,8 @@ def client(endpoint: str) -> zenoh.Session:
     config = zenoh.Config()
     config.insert_json5("mode", '"client"')
     config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+    # It joins a daemon that was started again soon.
+    config.insert_json5("connect/retry", '{"period_init_ms": 50, "period_max_ms": 400}')
     config.insert_json5("scouting/multicast/enabled", "false")
     config.insert_json5("transport/shared_memory/enabled", "false")
 

@@ -12,11 +12,11 @@ from typing import Any
 
 import pytest
 from chromium import Chromium, Page
+from process_priority import DAEMON_NICE, prefer
 from real_robot import Client, Process, RealRobot, free_endpoint, wait_for
+from truth_tail import Tail
 from weak_network import WeakNetwork
 
-from benchmarks.soak.processes import DAEMON_NICE, prefer
-from benchmarks.soak.tail import Tail
 from yahboomd.simulation.heard import HostBytes
 
 SPEEDS = re.compile(r"\$spd:([-\d,]+)#")

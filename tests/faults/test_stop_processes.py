@@ -20,10 +20,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from process_priority import DAEMON_NICE, prefer
 from real_robot import DRIVER, Client, Process, RealRobot, free_endpoint, wait_for
 from terminal_process import TerminalProcess, terminal
-
-from benchmarks.soak.processes import DAEMON_NICE, prefer
 
 pytestmark = pytest.mark.realtime
 

@@ -20,12 +20,11 @@ from random import Random
 from typing import Any
 
 import zenoh
+from process_priority import DAEMON_NICE, prefer
 from real_robot import PATIENCE_S, wait_for
 from simulated_board import SimulatedBoard
+from truth_tail import Truth, Wire, is_stop
 from zenoh_fixtures import free_endpoint
-
-from benchmarks.soak.processes import DAEMON_NICE, prefer
-from benchmarks.soak.tail import Truth, Wire, is_stop
 
 WAYS = ("the answer to a query", "the state", "the event", "the local socket")
 """The ways to learn that the robot stops."""

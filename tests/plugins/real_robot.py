@@ -17,11 +17,11 @@ from typing import Any
 import pytest
 import zenoh
 from event_check import assert_registered
+from process_priority import BOARD_NICE, DAEMON_NICE, prefer
+from truth_tail import Tail
 from zenoh_fixtures import free_endpoint
 
 from benchmarks import rig
-from benchmarks.soak.processes import BOARD_NICE, DAEMON_NICE, prefer
-from benchmarks.soak.tail import Tail
 from yahboomd.core.model import STANDING_M_S
 from yahboomd.simulation.truth import TruthSample
 

@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from process_priority import BOARD_NICE, prefer
 from real_robot import Process, wait_for
 
-from benchmarks.soak.processes import BOARD_NICE, prefer
 from yahboomd.simulation.truth import TruthSample, read_truth
 
 _DRIVER = """

@@ -13,10 +13,10 @@ from typing import Any
 
 import msgspec
 import pytest
+from process_priority import DAEMON_NICE, prefer
 from real_robot import Client, Process, RealRobot, free_endpoint
 from status_check import assert_registered
 
-from benchmarks.soak.processes import DAEMON_NICE, prefer
 from yahboomd.simulation.truth import TruthSample
 
 pytestmark = pytest.mark.realtime

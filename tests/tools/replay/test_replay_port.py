@@ -6,11 +6,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from process_priority import BOARD_NICE, DAEMON_NICE, prefer
 from real_robot import Client, Process, wait_for
 from wire_records import WireBench, drive_about, save
 from zenoh_fixtures import free_endpoint
 
-from benchmarks.soak.processes import BOARD_NICE, DAEMON_NICE, prefer
 from yahboomd.blackbox.box_file import read_box
 from yahboomd.core.config import Config
 from yahboomd.core.protocol.registry import DIALECTS

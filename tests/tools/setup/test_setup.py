@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from process_priority import DAEMON_NICE, prefer
 from real_robot import Process
 from zenoh_fixtures import eventually, free_endpoint
 
-from benchmarks.soak.processes import DAEMON_NICE, prefer
 from yahboomd.cli.main import main
 
 pytestmark = pytest.mark.realtime

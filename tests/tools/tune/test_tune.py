@@ -12,11 +12,11 @@ from pathlib import Path
 from urllib.parse import quote
 
 import pytest
+from process_priority import DAEMON_NICE, prefer
 from real_robot import Process, wait_for
 from simulated_board import SimulatedBoard
 from tuning_bench import TuningBench
 
-from benchmarks.soak.processes import DAEMON_NICE, prefer
 from yahboomd.cli.main import main
 from yahboomd.cli.tune import TuneCommand
 from yahboomd.core.errors import PortBusy, Refused

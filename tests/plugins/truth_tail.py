@@ -100,25 +100,6 @@ class Truth:
             default=0.0,
         )
 
-    def backed_m(self, since_ns: int) -> float:
-        """The longest way that any wheel ran backward from a moment on."""
-        most_m = 0.0
-        for way in zip(*(sample.travel_m for sample in self.since(since_ns)), strict=True):
-            furthest = itertools.accumulate(way, max)
-            most_m = max(most_m, *(top - here for top, here in zip(furthest, way, strict=True)))
-        return most_m
-
-    def fastest_m_s(self, since_ns: int, until_ns: int) -> float:
-        """The greatest rim speed of any wheel in a stretch of time."""
-        return max(
-            (
-                max(map(abs, sample.speed_m_s))
-                for sample in self.since(since_ns)
-                if sample.t_ns <= until_ns
-            ),
-            default=0.0,
-        )
-
     def close(self) -> None:
         """Close the file."""
         self._tail.close()
@@ -172,11 +153,6 @@ class Wire:
         return next(
             (order for order in self.orders if order.t_ns >= since_ns and wanted(order)), None
         )
-
-    def last_before(self, t_ns: int) -> Order | None:
-        """The order in force at a moment."""
-        self.look()
-        return next((order for order in reversed(self.orders) if order.t_ns < t_ns), None)
 
     def close(self) -> None:
         """Close the file."""
