@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -41,13 +42,10 @@ class Bench:
         return [motor.speed_m_s for motor in self.robot.plant.motors]
 
     def totals(self) -> list[tuple[int, ...]]:
-        """Every total line that has arrived."""
+        """Every total line that has arrived whole."""
         text = b"".join(chunk for _, chunk in self.chunks).decode()
-        return [
-            tuple(int(n) for n in line[6:-1].split(","))
-            for line in text.split("\r\n")[:-1]
-            if line.startswith("$MAll:")
-        ]
+        lines = re.findall(r"\$MAll:(-?\d+),(-?\d+),(-?\d+),(-?\d+)#\r\n", text)
+        return [tuple(map(int, line)) for line in lines]
 
 
 @pytest.fixture
