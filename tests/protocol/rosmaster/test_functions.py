@@ -153,7 +153,7 @@ def test_another_car_than_the_profiles_refuses_motion_and_its_own_profile_is_nam
     assert "car type 2 (X3 Plus), the profile x3 needs 1 (X3)" in wrong
     own, other = wrong.index('set board.profile = "x3-plus"'), wrong.index("probe --write")
     assert own < other
-    assert "Only if it is an X3" in wrong
+    assert "Only if it is the X3" in wrong
     (silent,) = findings({"version": "3.5"}, PROFILES["x3"]).unfit
     assert "did not show its car type" in silent
 

@@ -289,7 +289,7 @@ def _unfit(settings: BoardSettings, profile: MotorProfile) -> Iterator[str]:
         yield (
             f"The board is set to car type {_car_shown(number)}, which yahboomd cannot drive yet: "
             "the circumference of its wheels, their counts a turn, its track, its wheelbase and "
-            "the limit of its speed are not published. If you have an "
+            "the limit of its speed are not published. If you have the "
             f"{car_name(number)}, measure them and send them with the file of `yahboomd report`, "
             "with the form 'It works here'. If it is another car, set board.profile to it and "
             "store its type with `yahboomd probe --write`."
@@ -304,7 +304,7 @@ def _unfit(settings: BoardSettings, profile: MotorProfile) -> Iterator[str]:
         yield (
             f"The board is set to car type {_car_shown(number)}, the profile {profile.name} needs "
             f"{_car_shown(wanted)}. The type sets how the wheels turn, the signs of the encoders "
-            "and the limits of the battery: with a wrong one wheels run away. If the car is an "
+            "and the limits of the battery: with a wrong one wheels run away. If the car is the "
             f'{car_name(number)}, set board.profile = "{_profile_of(number)}". Only if it is an '
             f"{car_name(_number(wanted))}, store its type with `yahboomd probe --write`."
         )
