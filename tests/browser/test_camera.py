@@ -131,6 +131,7 @@ def test_the_robot_is_driven_and_stopped_as_ever_while_it_is_seen(
     looking.says("#state", "emergency stop")
 
 
+@pytest.mark.nightly
 def test_a_camera_that_stands_still_is_marked_and_comes_back(
     looking: Page, camera: UStreamer
 ) -> None:

@@ -46,6 +46,7 @@ def test_a_page_that_gave_control_back_leaves_the_robot_to_the_next_that_touches
         bench.stops_after(other.lift)
 
 
+@pytest.mark.nightly
 def test_a_viewer_watches_and_stops_and_neither_drives_nor_releases(
     make_bench: Callable[..., PageBench],
 ) -> None:
