@@ -72,6 +72,7 @@ def test_a_program_drives_waits_and_is_told(
     assert robot.travelled_m() > 0.1
 
 
+@pytest.mark.nightly
 def test_every_module_of_the_client_can_be_imported(python: Path) -> None:
     modules = [
         f"yahboomd.client.{each.stem}" for each in (ROOT / "yahboomd/client").glob("[a-z]*.py")
@@ -80,6 +81,7 @@ def test_every_module_of_the_client_can_be_imported(python: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("words", ["status", "run --port /dev/null", "--help"])
 def test_a_command_says_in_one_line_what_it_needs(python: Path, words: str) -> None:
     done = run(python, "-m", "yahboomd", *words.split())
