@@ -305,7 +305,7 @@ def _unfit(settings: BoardSettings, profile: MotorProfile) -> Iterator[str]:
             f"The board is set to car type {_car_shown(number)}, the profile {profile.name} needs "
             f"{_car_shown(wanted)}. The type sets how the wheels turn, the signs of the encoders "
             "and the limits of the battery: with a wrong one wheels run away. If the car is the "
-            f'{car_name(number)}, set board.profile = "{_profile_of(number)}". Only if it is an '
+            f'{car_name(number)}, set board.profile = "{_profile_of(number)}". Only if it is the '
             f"{car_name(_number(wanted))}, store its type with `yahboomd probe --write`."
         )
     if wanted == M1 and _firmware(settings) < M1_FIRMWARE:
