@@ -8,7 +8,7 @@ import math
 import re
 import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple, Protocol
@@ -105,13 +105,8 @@ class Trial(NamedTuple):
     """A trial of one driver on one board."""
 
     driver: Driver
+    process: rig.Process
     where: Path
-    needed: tuple[rig.Process, ...]
-
-    @property
-    def process(self) -> rig.Process:
-        """The process that holds the port."""
-        return self.needed[0]
 
     def control(self, command: str) -> None:
         """Send a command to the board's control socket."""
@@ -163,43 +158,25 @@ class Trial(NamedTuple):
                    default=0.0)  # fmt: skip
 
 
-class Started(NamedTuple):
-    """A driver that has been started on a board.
-
-    Attributes:
-        driver: Takes velocities and has poses.
-        needed: Every process that it needs, the one that holds the port first.
-    """
-
-    driver: Driver
-    needed: tuple[rig.Process, ...]
-
-
-Start = Callable[[contextlib.ExitStack, Path, tuple[str, ...]], Started]
-"""Starts a driver on the board in a folder, with settings for the daemon; the stack ends it."""
-
-
-def start_article(stack: contextlib.ExitStack, where: Path, _: tuple[str, ...]) -> Started:
-    """Start the rebuilt bridge."""
+def start_article(stack: contextlib.ExitStack, where: Path) -> tuple[Driver, rig.Process]:
+    """Start the rebuilt bridge on the board in a folder."""
     port = rig.free_endpoint().rpartition(":")[2]
     arguments = (str(where / "board"), port, str(where / "poses"))
     process = stack.enter_context(rig.Process("-m", "benchmarks.article", *arguments))
     process.says("ready")
     connection = stack.enter_context(socket.create_connection(("127.0.0.1", int(port))))
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    return Started(ArticleDriver(connection, where / "poses"), (process,))
+    return ArticleDriver(connection, where / "poses"), process
 
 
-def start_yahboomd(stack: contextlib.ExitStack, where: Path, settings: tuple[str, ...]) -> Started:
+def start_yahboomd(
+    stack: contextlib.ExitStack, where: Path, settings: tuple[str, ...]
+) -> tuple[Driver, rig.Process]:
     """Start the daemon, commanded over Zenoh."""
     endpoint = rig.free_endpoint()
     process = rig.daemon(where, endpoint, *WHEELS, *settings, port="board")
     stack.enter_context(process)
-    return Started(YahboomdDriver(stack.enter_context(rig.client(endpoint))), (process,))
-
-
-STARTS: dict[str, Start] = {ARTICLE: start_article, YAHBOOMD: start_yahboomd}
-"""The start of each driver, by its name."""
+    return YahboomdDriver(stack.enter_context(rig.client(endpoint))), process
 
 
 @contextlib.contextmanager
@@ -212,8 +189,10 @@ def trial(name: str, *options: str, settings: tuple[str, ...] = ()) -> Iterator[
         link = ("--link", str(where / "board"))
         board = rig.Process("-m", "benchmarks.garbling", *link, *BOARD, *files, *options)
         stack.enter_context(board).says("is at")
-        driver, needed = STARTS[name](stack, where, settings)
-        yield Trial(driver, where, needed)
+        if name == ARTICLE:
+            yield Trial(*start_article(stack, where), where)
+        else:
+            yield Trial(*start_yahboomd(stack, where, settings), where)
 
 
 def frames(heard: list[HostBytes], since_ns: int = 0) -> list[tuple[int, int, int]]:

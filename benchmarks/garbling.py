@@ -1,19 +1,16 @@
-"""``yahboomd simulate`` with one more fault and one more record, for trials with a polled board.
+"""``yahboomd simulate`` with one more fault, for trials with a polled board.
 
     python -m benchmarks.garbling --link PATH ...
 
 Its options are those of ``yahboomd simulate``. On its control socket ``garble`` alters one digit of
 the board's next answer and nothing else. The frame stays well formed and has no checksum, so the
-error shows only in the meaning of the counts. ``answers FILE`` writes each later answer with its
-time, [monotonic ns, text], a JSON line each.
+error shows only in the meaning of the counts.
 """
 
 from __future__ import annotations
 
-import json
 import re
 import sys
-from pathlib import Path
 
 from yahboomd.cli.main import main
 from yahboomd.simulation import console
@@ -40,22 +37,6 @@ def garble(robot: SimulatedRobot, _words: list[str], _now_ns: int) -> str:
     return ""
 
 
-def record_answers(robot: SimulatedRobot, words: list[str], _now_ns: int) -> str:
-    """Record the answers in a file."""
-    emit = robot.board.emit
-    file = Path(words[0])
-    file.touch()
-
-    def recorded(data: bytes, at_ns: int) -> None:
-        with file.open("a") as lines:
-            lines.write(json.dumps([at_ns, data.decode("latin-1")]) + "\n")
-        emit(data, at_ns)
-
-    robot.board.emit = recorded
-    return ""
-
-
 if __name__ == "__main__":
     console.COMMANDS["garble"] = garble
-    console.COMMANDS["answers"] = record_answers
     sys.exit(main(["simulate", *sys.argv[1:]]))

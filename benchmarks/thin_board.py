@@ -5,13 +5,13 @@
 The simulated robot of ``yahboomd simulate`` computes motors and a chassis, in Python, on the same
 machine, and would cost as much as the daemon. This one answers as a board does, turns its counters
 at the commanded speed, and writes whole lines at the time at which their last byte would be out.
-Its log, written at the end, has (port, monotonic ns, bytes) of everything received, and the number
-of lines sent.
+Its log, written at the end, has (port, monotonic ns, bytes) of everything received.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import gc
 import os
 import re
@@ -38,13 +38,9 @@ class Log(msgspec.Struct):
 
     Attributes:
         heard: Received bytes as (port, monotonic nanoseconds, bytes).
-        lines: Lines of counters sent, by port.
-        lost: Lines that the pty did not take.
     """
 
     heard: list[tuple[int, int, bytes]]
-    lines: list[int]
-    lost: int = 0
 
 
 class ThinBoard:
@@ -56,8 +52,6 @@ class ThinBoard:
         dialect: ``streamed`` or ``polled``; ``silent`` only listens.
         line_ns: The period of lines of a stream.
         ticks: The counters at the start.
-        paced: Answers take their time on the wire.
-        most: Lines that are streamed; then the board falls silent for good.
     """
 
     def __init__(
@@ -68,14 +62,10 @@ class ThinBoard:
         dialect: str,
         line_ns: int,
         ticks: int,
-        paced: bool,
-        most: int,
     ) -> None:
         self.index = index
         self._dialect = dialect
         self._line_ns = line_ns
-        self._paced = paced
-        self._most = most
         self.fd, slave = os.openpty()
         tty.setraw(slave)
         self._slave = slave  # kept open: the pty never hangs up
@@ -89,8 +79,6 @@ class ThinBoard:
         self._due: list[tuple[int, bytes]] = []
         self._line_due_ns = 0
         self._rest = b""
-        self.lines = 0
-        self.lost = 0
 
     def next_ns(self) -> int:
         """The time at which something is to be sent."""
@@ -107,9 +95,6 @@ class ThinBoard:
             # A board does not send missed lines later.
             self._line_due_ns = max(self._line_due_ns + self._line_ns, now_ns)
             self._say(b"$MAll:%d,%d,%d,%d#\r\n" % self._counters(now_ns))
-            self.lines += 1
-            if self.lines >= self._most:
-                self._streaming, self._dialect = False, "silent"
 
     def hear(self, log: list[tuple[int, int, bytes]]) -> None:
         """Read, and stamp the bytes."""
@@ -150,19 +135,15 @@ class ThinBoard:
             self._answer(b"$Battery:7.4V#\r\n", now_ns, size)
         elif not streamed and name == b"read":
             self._answer(b"$data:%d,%d,%d,%d#" % self._counters(now_ns), now_ns, size)
-            self.lines += 1
 
     def _answer(self, data: bytes, now_ns: int, asked: int) -> None:
-        wire_ns = (len(data) + asked) * BYTE_NS + CARRY_OUT_NS if self._paced else 0
+        wire_ns = (len(data) + asked) * BYTE_NS + CARRY_OUT_NS
         self._due.append((now_ns + wire_ns, data))
 
     def _say(self, data: bytes) -> None:
-        try:
-            if os.write(self.fd, data) == len(data):
-                return
-        except BlockingIOError:
-            pass
-        self.lost += 1
+        # What nobody reads is lost.
+        with contextlib.suppress(BlockingIOError):
+            os.write(self.fd, data)
 
 
 def main() -> None:
@@ -173,9 +154,6 @@ def main() -> None:
     parser.add_argument("--silent-from", type=int, default=1 << 30, help="these ports only listen")
     parser.add_argument("--line-us", type=int, default=5917, help="169 lines a second")
     parser.add_argument("--ticks", type=int, default=20_000)
-    parser.add_argument("--most", type=int, default=1 << 60, help="lines, then silence")
-    parser.add_argument("--spin", action="store_true", help="be exact, and keep a core busy")
-    parser.add_argument("--unpaced", action="store_true")
     args = parser.parse_args()
     boards = [
         ThinBoard(
@@ -184,12 +162,10 @@ def main() -> None:
             dialect=args.dialect if index < args.silent_from else "silent",
             line_ns=args.line_us * 1000,
             ticks=args.ticks,
-            paced=not args.unpaced,
-            most=args.most,
         )
         for index, link in enumerate(args.links)
     ]
-    log = Log(heard=[], lines=[])
+    log = Log(heard=[])
     stop: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _frame: stop.append(number))
     by_fd = {board.fd: board for board in boards}
@@ -198,16 +174,12 @@ def main() -> None:
     while not stop:
         wait_ns = min(board.next_ns() for board in boards) - time.monotonic_ns()
         wait_s = max(0.0, min(0.2, wait_ns * 1e-9))
-        if args.spin and wait_s < 0.02:
-            wait_s = 0.0
         ready, _, _ = select.select(list(by_fd), [], [], wait_s)
         for fd in ready:
             by_fd[fd].hear(log.heard)
         now_ns = time.monotonic_ns()
         for board in boards:
             board.speak(now_ns)
-    log.lines = [board.lines for board in boards]
-    log.lost = sum(board.lost for board in boards)
     args.log.write_bytes(msgspec.msgpack.encode(log))
 
 

@@ -1,11 +1,9 @@
 from __future__ import annotations
 
-import json
-
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.garbling import altered, garble, record_answers
+from benchmarks.garbling import altered, garble
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
 
@@ -32,15 +30,3 @@ def test_one_answer_alone_is_garbled() -> None:
         robot.host_wrote(b"$read#", n * 50 * MS)
         answers.append(b"".join(robot.advance((n * 50 + 40) * MS)))
     assert answers == [b"$data:5234,0,70,0#", b"$data:4234,0,70,0#", b"$data:5234,0,70,0#"]
-
-
-def test_answers_are_recorded_with_their_times_and_pass(tmp_path) -> None:
-    robot = SimulatedRobot(SimulationOptions(dialect="polled", initial_ticks=(5234, 0, 70, 0)))
-    robot.start(0)
-    record_answers(robot, [str(tmp_path / "answers")], 0)
-    robot.host_wrote(b"$read#", 50 * MS)
-    assert b"".join(robot.advance(90 * MS)) == b"$data:5234,0,70,0#"
-    ((t_ns, text),) = map(json.loads, (tmp_path / "answers").read_text().splitlines())
-    assert text == "$data:5234,0,70,0#"
-    # Six bytes at 115200 baud and the board's own 0.2 ms.
-    assert 50.7 < t_ns / MS < 51.0

@@ -9,7 +9,7 @@ MS = 1_000_000
 
 
 def heard(where, *entries):
-    log = Log(heard=[(port, at, data) for port, at, data in entries], lines=[0])
+    log = Log(heard=[(port, at, data) for port, at, data in entries])
     (where / "heard").write_bytes(msgspec.msgpack.encode(log))
 
 
