@@ -475,10 +475,8 @@ def main(arguments: list[str]) -> int:
     for dialect in args.dialects:
         with tempfile.TemporaryDirectory(prefix="yahboomd-soak-") as folder:
             soak = Soak(Path(folder), dialect, args.seed, ledger)
-            try:
+            with contextlib.closing(soak), contextlib.suppress(KeyboardInterrupt):
                 soak.run(60.0 * args.minutes / len(args.dialects), args.kinds.split(","))
-            finally:
-                soak.close()
     print(f"\n{args.minutes:g} minutes (`SEED={args.seed}`), load {os.getloadavg()[0]:.1f}\n")
     print(ledger.table())
     return 1 if ledger.failures else 0
