@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import product
 
 import pytest
 
@@ -29,23 +30,17 @@ def test_alike_are_the_motors_whose_stored_type_is_the_same(own: str, names: set
     assert {each.name for each in alike(PROFILES[own])} == names
 
 
-@pytest.mark.parametrize("own", PROFILES)
-@pytest.mark.parametrize("share", [0.97, 1.0, 1.03])
-@pytest.mark.parametrize("true", PROFILES)
-def test_no_profile_is_named_that_changes_the_type_which_the_board_stores(
-    own: str, true: str, share: float
-) -> None:
-    factor = share * PROFILES[own].ticks_per_revolution / PROFILES[true].ticks_per_revolution
-    words = named(factor, own)
-    found = re.search(r'board\.profile = "(.*)"', words)
-    if found:
-        stored, other = PROFILES[own].stored, PROFILES[found[1]].stored
-        assert (stored.get("car_type"), stored.get("motor_type")) == (
-            other.get("car_type"),
-            other.get("motor_type"),
-        )
-    elif words:
-        assert "Set chassis.ticks_per_revolution = " in words
+def test_no_profile_is_named_that_changes_the_type_which_the_board_stores() -> None:
+    for own, true, share in product(PROFILES, PROFILES, (0.97, 1.0, 1.03)):
+        factor = share * PROFILES[own].ticks_per_revolution / PROFILES[true].ticks_per_revolution
+        words = named(factor, own)
+        found = re.search(r'board\.profile = "(.*)"', words)
+        if found:
+            stored, other = PROFILES[own].stored, PROFILES[found[1]].stored
+            types = ("car_type", "motor_type")
+            assert [stored.get(each) for each in types] == [other.get(each) for each in types]
+        elif words:
+            assert "Set chassis.ticks_per_revolution = " in words
 
 
 @pytest.mark.parametrize("true", ["520-1:19", "520-1:56", "l520"])
