@@ -55,7 +55,7 @@ def assert_same_to_the_last_bit(box, published) -> int:
     return len(found)
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("heading", ["wheels", "fused"])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time

@@ -244,6 +244,7 @@ def attempt(path: Path | None, **how) -> Config | str:
         return error.message
 
 
+@settings(max_examples=25)
 @given(st.lists(st.tuples(places, toml_values), max_size=4))
 def test_any_value_at_any_key_gives_a_config_or_a_config_error(pairs):
     lines = [f"{place} = {value}" for place, value in pairs]
@@ -251,7 +252,10 @@ def test_any_value_at_any_key_gives_a_config_or_a_config_error(pairs):
     assert isinstance(outcome, Config) or len(outcome.split("\n")) > 1
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
+@settings(
+    max_examples=15,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
 @given(st.one_of(st.binary(), st.lists(st.tuples(places, toml_values), max_size=4)))
 def test_any_file_gives_a_config_or_a_config_error(tmp_path, content):
     if isinstance(content, list):

@@ -93,7 +93,7 @@ def test_a_signal_stops_the_wheels_before_the_daemon_ends_and_impatient_ones_do_
         assert robot.daemon.end() == 0
         robot.settled_truth()
     assert "Traceback" not in robot.daemon.output
-    assert "SIGTERM: stopping the wheels" in robot.daemon.output
+    assert ": stopping the wheels, then ending." in robot.daemon.output
     # They stand because they were commanded to: no wheel is accused of it.
     assert "are commanded" not in robot.daemon.output
     assert "is commanded" not in robot.daemon.output

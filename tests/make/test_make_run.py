@@ -86,6 +86,7 @@ def test_without_a_port_a_board_is_simulated_and_the_robot_can_be_driven(
     assert "Traceback" not in made.output
 
 
+@pytest.mark.nightly
 def test_a_daemon_works_on_when_its_page_dies_and_a_page_for_phones_needs_a_link(
     started: Callable[..., tuple[MakeRun, str]],
     client: Callable[..., Client],
@@ -113,6 +114,7 @@ def children(pid: int, command: str) -> list[int]:
     ]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("preset", ["4wd", "mecanum"])
 def test_the_simulated_board_has_the_motors_of_the_configuration(
     started: Callable[..., tuple[MakeRun, str]],
@@ -133,6 +135,7 @@ def test_the_simulated_board_has_the_motors_of_the_configuration(
     assert made.end() == 0
 
 
+@pytest.mark.nightly
 def test_the_emergency_stop_of_a_simulated_robot_goes_with_it(
     started: Callable[..., tuple[MakeRun, str]], client: Callable[..., Client]
 ) -> None:
@@ -146,6 +149,7 @@ def test_the_emergency_stop_of_a_simulated_robot_goes_with_it(
     assert not latch.parent.exists()
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", ["SIGHUP", "SIGQUIT", "SIGUSR1"])
 def test_a_signal_ends_the_daemon_first_and_leaves_no_board_behind(
     started: Callable[..., tuple[MakeRun, str]], client: Callable[..., Client], name: str
@@ -162,6 +166,7 @@ def test_a_signal_ends_the_daemon_first_and_leaves_no_board_behind(
     assert "Traceback" not in made.output
 
 
+@pytest.mark.nightly
 def test_a_signal_that_arrives_twice_is_logged_once(
     started: Callable[..., tuple[MakeRun, str]], client: Callable[..., Client]
 ) -> None:
@@ -196,6 +201,7 @@ def test_a_mistake_in_the_options_ends_it_with_the_daemons_status(
     assert "Traceback" not in made.output
 
 
+@pytest.mark.nightly
 def test_where_the_daemon_does_not_start_no_one_is_invited_to_drive_it() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         listen = f"zenoh.listen=tcp/127.0.0.1:{taken.getsockname()[1]}"

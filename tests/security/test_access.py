@@ -372,6 +372,7 @@ def test_a_viewer_who_floods_the_estop_costs_the_operator_none_of_his_stops(
     assert seen[-1]["command"]["estops"] == 4
 
 
+@pytest.mark.nightly
 def test_a_flood_without_certificates_keeps_neither_the_connected_nor_this_machine_from_stopping(
     guarded: Callable[..., RealRobot],
     example: Callable[..., str],
@@ -419,6 +420,7 @@ def test_a_flood_without_certificates_keeps_neither_the_connected_nor_this_machi
             thread.join()
 
 
+@pytest.mark.nightly
 def test_connections_that_wait_by_the_hundred_leave_a_descriptor_for_the_port(
     guarded: Callable[..., RealRobot], example: Callable[..., str], authority: Any
 ) -> None:

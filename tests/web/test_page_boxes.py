@@ -87,6 +87,7 @@ async def test_no_more_than_some_wait_for_their_turn(
     assert sorted(words for _, _, words in answers) == ["", BUSY, BUSY]
 
 
+@pytest.mark.nightly
 async def test_an_emergency_stop_is_explained_downloaded_and_another_box_saved_on_demand(
     site: Callable[..., Awaitable[Site]], real_robot: Callable[..., RealRobot], tmp_path: Path
 ) -> None:

@@ -135,6 +135,7 @@ async def started(site: Start, robot: RealRobot) -> tuple[Site, Page, dict[str, 
     return served, page, await question(page, "hold")
 
 
+@pytest.mark.nightly
 @pytest.mark.realtime
 async def test_the_robot_moves_while_the_button_is_held_and_not_after(
     site: Start, robot: RealRobot, state: Path

@@ -12,6 +12,7 @@ from yahboomd.cli.main import main
 from yahboomd.cli.plot import ellipse
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("kind", "begins"), [("png", b"\x89PNG"), ("svg", b"<?xml")])
 def test_a_folder_is_drawn_to_a_file_of_the_kind_that_is_named(
     tmp_path: Path, kind: str, begins: bytes, capsys

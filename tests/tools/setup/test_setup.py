@@ -108,6 +108,7 @@ ANSWERS = "n\nyes\n\n1\nf\n\n0\n\n2\nf\n"
 """Store nothing; the wheels are lifted; M1 left, M2 none, M3 right, both forward."""
 
 
+@pytest.mark.nightly
 def test_a_program_answers_on_standard_input_and_reads_one_line_of_json(board, tmp_path) -> None:
     robot = board()
     done = scripted(robot, tmp_path, ANSWERS, "--json", "--output", "bot.toml")

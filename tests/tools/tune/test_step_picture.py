@@ -26,6 +26,7 @@ def result(wheels: int) -> Result:
     )
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("wheels", [1, 2, 3, 4])
 def test_each_wheel_has_its_axes_with_both_steps(wheels):
     drawn = [axes for axes in draw(result(wheels)).axes if axes.axison]

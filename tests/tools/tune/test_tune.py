@@ -137,6 +137,7 @@ def tell(control: Path, command: str) -> None:
         assert console.recv(99).startswith(b"ok")
 
 
+@pytest.mark.nightly
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("suspended", [False, True])
 def test_stop_in_a_second_terminal_ends_it_and_sees_the_wheels_stand(
