@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import os
+import select
 import signal
+from pathlib import Path
 
 import pytest
+from real_robot import PATIENCE_S
+from zenoh_fixtures import eventually
 
 from yahboomd.web import child_command
 from yahboomd.web.child_command import Child, output_of
@@ -36,11 +42,26 @@ async def test_a_command_that_takes_too_long_is_ended_and_says_so(
 
 
 async def test_a_child_that_does_not_end_is_killed_with_its_group(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(child_command, "END_S", 0.2)
-    child = await Child.start(["events", "--connect=tcp/127.0.0.1:1", "--timeout=60"])
-    pid = child._process.pid
-    assert os.getpgid(pid) == pid
-    os.kill(pid, signal.SIGSTOP)
-    assert await child.end() == -signal.SIGKILL
+    program, noted = tmp_path / "program", tmp_path / "pid"
+    program.write_text(
+        f"#!/bin/sh\ntrap '' TERM INT\nsleep 600 &\necho $! >{noted}.new\n"
+        f"mv {noted}.new {noted}\nwait\n"
+    )
+    program.chmod(0o755)
+    monkeypatch.setattr("sys.executable", str(program))
+    child = await Child.start(["events"])
+    assert os.getpgid(child._process.pid) == child._process.pid
+    await eventually(noted.exists)
+    its_own = os.pidfd_open(int(noted.read_text()))
+    try:
+        async with asyncio.timeout(PATIENCE_S):
+            assert await child.end() == -signal.SIGKILL
+        # A descriptor of a process can be read once it has ended.
+        assert select.select([its_own], [], [], PATIENCE_S)[0]
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            signal.pidfd_send_signal(its_own, signal.SIGKILL)
+        os.close(its_own)
