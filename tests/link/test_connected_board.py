@@ -64,6 +64,22 @@ async def test_the_listener_hears_of_the_end_once_the_brake_is_on_the_wire() -> 
 
 
 @on_virtual_time
+async def test_a_stop_is_sent_once_no_part_of_it_waits_in_the_kernel() -> None:
+    async with Bench() as board:
+        await board.connected()
+        assert board.port is not None
+        board.wheels.drive((300, 0, 300, 0))
+        await asyncio.sleep(0.1)
+        assert not board.wheels.stop_sent
+        board.port.waiting = 5
+        board.wheels.brake()
+        await asyncio.sleep(0.1)
+        assert not board.wheels.stop_sent
+        board.port.waiting = 0
+        await board.until(lambda: board.wheels.stop_sent)
+
+
+@on_virtual_time
 async def test_on_a_noisy_line_a_speed_is_repeated_more_often_until_the_noise_is_over() -> None:
     async with Bench() as board:
         await board.connected()
