@@ -46,8 +46,8 @@ ALARMS = (
     "turns_without_command",
     "reset_loop",
 )
-QUIET = ("slow_stops", "noisy_cuts")
-"""Cuts that blame no wheel, by their counter in the status."""
+QUIET = ("slow_stops", "noisy_cuts", "not_started")
+"""Cuts that latch no fault, by their counter in the status."""
 
 BROKEN = ("phases-swapped", "encoder-reversed", "encoder-dead", "stalled", "unplugged")
 LOSSES = (0.0, 0.0, 0.001, 0.01, 0.02, 0.05)

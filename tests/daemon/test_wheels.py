@@ -298,7 +298,7 @@ def test_no_wheel_is_held_against_a_command_that_was_not_sent(board: Recorded) -
         for ms in range(2000, 3000, 10)
         for fault in wheels.measure(ms * MS, (0.0, 0.0), (0, 0))
     }
-    assert kinds == {"no_counts"}
+    assert kinds == {"not_started"}
 
 
 def test_wheels_without_a_board_are_accused_of_nothing(board: Recorded) -> None:
@@ -330,7 +330,7 @@ def test_however_often_a_board_streams_a_wheel_that_runs_away_is_found_as_soon(
 def test_counts_between_two_judgements_are_judged_with_the_second(board: Recorded) -> None:
     wheels = make(board)
     seen: list[object] = []
-    wheels._check.measure = lambda _ns, _speeds, ticks, **_: seen.append(ticks) or ()  # type: ignore[assignment, func-returns-value, misc]
+    wheels.check.measure = lambda _ns, _speeds, ticks, **_: seen.append(ticks) or ()  # type: ignore[assignment, func-returns-value, misc]
     for n in range(1, 8):
         wheels.measure((1000 + n * 6) * MS, (0.2, 0.2), (n * n, -n))
     assert seen == [(0, 0), (15, -3), (33, -3)]

@@ -36,24 +36,21 @@ def test_a_robot_that_may_drive_has_no_reason_to_stand() -> None:
 def test_every_way_of_having_no_motion_commanded_is_put_in_words(why: Why, words: str) -> None:
     decision = Decision(driver="cmd_vel", source="cmd_vel", age_ns=3 * S // 2, why=why)
     (found,) = reasons(5 * S, decision=decision)
-    assert found.kind == why
-    assert words in found.message
+    assert words in found
 
 
 def test_the_emergency_stop_names_who_engaged_it_and_when() -> None:
     release = "yahboomd stop --release --namespace bot1"
     (found,) = reasons(4 * S, decision=DRIVING, latched=LATCHED, release=release)
-    assert f"To drive again: `{release}`." in found.message
-    assert found.kind == "estop"
-    assert "yahboomd/estop 3.0 s ago: button pressed" in found.message
+    assert f"To drive again: `{release}`." in found
+    assert "yahboomd/estop 3.0 s ago: button pressed" in found
 
 
 def test_what_a_person_has_to_clear_says_how() -> None:
     found = reasons(
         4 * S, decision=DRIVING, latched=LATCHED, holds=(held(WAITING_FOR_BOARD), held(FAULT))
     )
-    how = {reason.kind: "yahboomd stop --release" in reason.message for reason in found}
-    assert how == {"estop": True, FAULT: True, WAITING_FOR_BOARD: False}
+    assert ["yahboomd stop --release" in reason for reason in found] == [True, True, False]
 
 
 def test_all_reasons_are_given_those_for_a_person_first() -> None:
@@ -64,27 +61,25 @@ def test_all_reasons_are_given_those_for_a_person_first() -> None:
         holds=(held(WAITING_FOR_BOARD), held(FAULT)),
         refused={"stale": 3, "backlog": 190},
     )
-    kinds = [reason.kind for reason in found]
-    assert kinds == ["estop", FAULT, WAITING_FOR_BOARD, "no_command", "refused"]
-    assert "190 backlog, 3 stale" in found[-1].message
+    firsts = ["Emergency", FAULT, WAITING_FOR_BOARD, "No source", "Commands refused"]
+    assert all(reason.startswith(first) for reason, first in zip(found, firsts, strict=True))
+    assert "190 backlog, 3 stale" in found[-1]
 
 
 def test_a_hold_that_ends_by_itself_says_when() -> None:
     (found,) = reasons(5 * S // 2, decision=DRIVING, holds=(held(BOARD_RESET, 3 * S),))
-    assert "since 0.5 s, for another 0.5 s" in found.message
+    assert "since 0.5 s, for another 0.5 s" in found
 
 
 def test_a_velocity_limit_of_zero_is_named() -> None:
     (found,) = reasons(S, decision=DRIVING, linear=AxisCaps(velocity=0.0))
-    assert found.kind == "limit_zero"
-    assert "limits.linear.velocity = 0" in found.message
+    assert "limits.linear.velocity = 0" in found
 
 
 def test_a_turn_that_a_limit_of_zero_forbids_is_named() -> None:
     decision = Decision(twist=Twist2d(wz=0.5), driver="cmd_vel", why="driving")
     (found,) = reasons(S, decision=decision, angular=AxisCaps(velocity=0.0))
-    assert found.kind == "limit_zero"
-    assert "limits.angular.velocity = 0" in found.message
+    assert "limits.angular.velocity = 0" in found
 
 
 def test_a_limit_of_zero_on_another_axis_is_no_reason() -> None:
@@ -94,7 +89,7 @@ def test_a_limit_of_zero_on_another_axis_is_no_reason() -> None:
 def test_sideways_motion_on_a_base_that_cannot_is_named() -> None:
     decision = Decision(twist=Twist2d(vy=0.5), driver="cmd_vel", why="driving")
     (found,) = reasons(S, decision=decision, holonomic=False)
-    assert found.kind == "sideways"
+    assert "sideways" in found
     assert reasons(S, decision=decision) == ()
 
 
@@ -130,20 +125,19 @@ def test_the_state_is_the_one_that_most_needs_a_person(
 def test_people_read_of_the_page_and_not_of_its_key() -> None:
     decision = Decision(source="cmd_vel/web", age_ns=S, why="timed_out")
     (found,) = reasons(5 * S, decision=decision)
-    assert found.message.startswith("The page fell silent")
+    assert found.startswith("The page fell silent")
 
 
 def test_limits_that_leave_a_crawl_are_named_unless_another_axis_moves_as_wished() -> None:
     crawl = AxisCaps(velocity=0.001)
     (found,) = reasons(S, decision=DRIVING, linear=crawl)
-    assert found.kind == "limit_slow"
-    assert "limits.linear.velocity = 0.001" in found.message
+    assert "limits.linear.velocity = 0.001" in found
     (found,) = reasons(S, decision=DRIVING, linear=AxisCaps(velocity=1.0, acceleration=0.002))
-    assert "limits.linear.acceleration = 0.002" in found.message
+    assert "limits.linear.acceleration = 0.002" in found
     turning = structs.replace(DRIVING, twist=Twist2d(vx=0.3, wz=1.0))
     assert reasons(S, decision=turning, linear=crawl) == ()
     (found,) = reasons(S, decision=turning, linear=crawl, angular=AxisCaps(velocity=0.01))
-    assert "limits.angular.velocity = 0.01" in found.message
+    assert "limits.angular.velocity = 0.01" in found
     # Who commands a crawl gets one.
     slow = structs.replace(DRIVING, twist=Twist2d(vx=0.001))
     assert reasons(S, decision=slow, linear=crawl) == ()

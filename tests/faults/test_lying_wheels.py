@@ -113,14 +113,15 @@ async def test_a_wheel_that_something_turns_too_fast_is_cut_within_150_ms(
 @pytest.mark.parametrize("motion", MOTIONS)
 @pytest.mark.parametrize("fault", SILENT)
 @on_virtual_time
-async def test_counts_that_stay_away_stop_the_wheels_after_150_ms_or_30_mm(
+async def test_counts_that_end_in_motion_stop_the_wheels_after_150_ms_or_30_mm(
     tmp_path: Path, fault: str, motion: tuple[float, float]
 ) -> None:
     async with robot(tmp_path) as bench:
         await bench.ready()
+        await bench.drive(1.5, *motion)
         bench.do(f"{fault} left")
         began_ns = bench.clock.now_ns()
-        await bench.drive(1.5, *motion)
+        await bench.drive(1.0, *motion)
         at_ns = cut_ns(bench, began_ns)
         assert at_ns is not None
         due_ns = silence_due_ns(bench, began_ns, 0)
@@ -136,11 +137,12 @@ async def test_counts_that_stay_away_stop_the_wheels_after_150_ms_or_30_mm(
 def silence_due_ns(bench: FaultBench, since_ns: int, wheel: int) -> int:
     """The end of both 150 ms and 30 mm of commanded travel above the least speed."""
     least_m_s = bench.config.faults.min_speed_m_s
-    travel_m, silent_ns, before_ns = 0.0, 0, None
+    # The counts of the step in which it broke may have been its last ones.
+    travel_m, silent_ns, before_ns = 0.0, 0, since_ns - 20 * MS
     for estimate, command in zip(bench.heard.estimates, bench.heard.commands, strict=True):
         if estimate.stamp_ns < since_ns:
             continue
-        if before_ns is not None and abs(command[wheel]) >= least_m_s:
+        if abs(command[wheel]) >= least_m_s:
             step_ns = estimate.stamp_ns - before_ns
             silent_ns += step_ns
             travel_m += abs(command[wheel]) * step_ns / 1e9
@@ -174,24 +176,58 @@ async def test_a_fault_in_mid_motion_ends_in_standstill(
 @pytest.mark.parametrize("dead_zone", [1600, 1900])
 @pytest.mark.parametrize("speed", [0.0125, 0.02, 0.03, 0.07])
 @on_virtual_time
-async def test_a_dead_encoder_at_a_crawl_is_cut_within_45_mm_or_1750_ms_and_runs_1_m_at_most(
+async def test_a_dead_encoder_at_a_crawl_runs_750_mm_at_most_in_its_three_tries(
     tmp_path: Path, speed: float, dead_zone: int, loss: float
 ) -> None:
     async with robot(tmp_path, flash=FlashContent(dead_zone=dead_zone)) as bench:
         await bench.ready()
         bench.robot.impairments.change(loss=loss)
         bench.do("encoder-dead left")
-        began_ns = bench.clock.now_ns()
-        await bench.drive(4.0, speed)
-        at_ns = cut_ns(bench, began_ns)
-        assert at_ns is not None
+        await tries(bench, speed)
         ran_m = abs(bench.robot.plant.motors[0].travel_m)
-        print(f"{speed} m/s: cut after {(at_ns - began_ns) / 1e9:.1f} s and {ran_m:.2f} m")
-        assert (at_ns - began_ns) / 1e9 < max(2.2, 0.06 / speed)
+        print(f"{speed} m/s: {ran_m:.2f} m")
         # Speeds that arrive garbled make an unseen wheel run farther.
         assert ran_m < (1.0 if loss else 0.75)
         assert bench.controller.state()[0] == "fault"
+        assert len(bench.events("not_started")) >= 2
+        await asyncio.sleep(1.0)
         assert bench.standing
+
+
+async def tries(bench: FaultBench, vx: float, wz: float = 0.0) -> None:
+    """Command motion again and again, as a person does, until a fault."""
+    for _ in range(6):
+        for _ in range(200):
+            await bench.drive(0.05, vx, wz)
+            if bench.controller.state()[0] != "driving":
+                break
+        if bench.controller.state()[0] == "fault":
+            return
+        bench.command(0.0)
+        await asyncio.sleep(0.5)
+
+
+@on_virtual_time
+async def test_a_wheel_that_does_not_begin_to_turn_is_let_go_until_another_command(
+    tmp_path: Path,
+) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        bench.do("stalled left")
+        await bench.drive(6.0, 0.1)
+        assert len(bench.events("not_started")) == 1
+        state, why = bench.controller.state()
+        assert state == "standing"
+        assert why.startswith("left does not begin to turn at 0.10 m/s: drive faster")
+        assert bench.standing
+        assert bench.frames[-1] == CUT
+        # A little more is the same command.
+        await bench.drive(1.0, 0.11)
+        assert bench.standing
+        bench.do("repair left")
+        await bench.drive(1.0, 0.2)
+        assert min(bench.rim_speeds) > 0.15
+        assert bench.controller.state()[0] == "driving"
 
 
 @pytest.mark.cases(1)
@@ -205,8 +241,10 @@ async def test_a_dead_encoder_at_a_crawl_to_and_fro_is_cut_and_runs_750_mm_at_mo
         await bench.ready()
         bench.do("encoder-dead left")
         began_ns = bench.clock.now_ns()
-        for turn in range(8):
+        for turn in range(40):
             await bench.drive(half_s, -speed if turn % 2 else speed)
+            if bench.controller.state()[0] != "driving":
+                bench.command(0.0)
         await asyncio.sleep(1.0)
         assert cut_ns(bench, began_ns) is not None
         assert abs(bench.robot.plant.motors[0].travel_m) < 0.75
@@ -285,6 +323,7 @@ async def test_a_repaired_wheel_drives_again_once_a_person_cleared_the_fault(
 ) -> None:
     async with robot(tmp_path, dialect=dialect) as bench:
         await bench.ready()
+        await bench.drive(1.0, 0.3)
         bench.do(f"{faults} left")
         await bench.drive(2.0, 0.3)
         assert bench.controller.state()[0] == "fault"
@@ -319,12 +358,12 @@ async def test_a_motor_at_another_position_than_configured_is_named_and_stops_th
 ) -> None:
     async with robot(tmp_path, dialect=dialect, wiring=AT_TWO) as bench:
         await bench.ready()
-        await bench.drive(1.0, 0.3)
+        await tries(bench, 0.3)
         await asyncio.sleep(0.5)
         assert bench.standing
         state, why = bench.controller.state()
         assert state == "fault"
-        assert why.startswith("right is commanded 0.30 m/s")
+        assert why.startswith("right had no counts in three tries, the last at 0.30 m/s")
         assert "the position" in why
 
 
@@ -378,6 +417,7 @@ async def test_a_stalled_wheel_stops_the_base_or_is_only_reported_as_configured(
 ) -> None:
     async with robot(tmp_path, f"faults.stall={policy}", dialect=dialect) as bench:
         await bench.ready()
+        await bench.drive(1.0, 0.3)
         bench.do("stalled left")
         await bench.drive(1.0, 0.3)
         right_m_s = bench.rim_speeds[1]

@@ -17,7 +17,9 @@ from robot_bench import RobotBench
 from yahboomd.core.model import OdometryEstimate
 from yahboomd.core.protocol.rosmaster.rosmaster import Rosmaster
 from yahboomd.simulation.console import execute
-from yahboomd.simulation.options import SimulationOptions
+from yahboomd.simulation.four_channel.flash import FlashContent
+from yahboomd.simulation.options import PLAIN_GAIN, QUICK_GAIN, SimulationOptions
+from yahboomd.simulation.rosmaster.rosmaster_flash import RosmasterStored
 from yahboomd.simulation.truth import TruthSample
 
 MS = 1_000_000
@@ -56,6 +58,21 @@ _ORDER = re.compile(
 )
 
 
+def with_true_gains(simulation: SimulationOptions) -> SimulationOptions:
+    """The same loops, quick by gains that the board stores and shows: the check goes by them."""
+    if simulation.loop_gain != QUICK_GAIN or simulation.dialect not in {"streamed", "rosmaster"}:
+        return simulation
+    flash = simulation.flash
+    if flash is None:
+        steers = simulation.drive == "ackermann"
+        rosmaster = simulation.dialect == "rosmaster"
+        flash = RosmasterStored(car_type=5 if steers else 1) if rosmaster else FlashContent()
+    assert isinstance(flash, FlashContent | RosmasterStored)
+    gains = {name: QUICK_GAIN * getattr(flash, name) for name in ("p", "i", "d")}
+    flash = msgspec.structs.replace(flash, **gains)
+    return msgspec.structs.replace(simulation, loop_gain=PLAIN_GAIN, flash=flash)
+
+
 class Kept:
     """An outlet that keeps its samples."""
 
@@ -82,6 +99,7 @@ class FaultBench(RobotBench):
         if simulation.start_up_s == SimulationOptions().start_up_s:
             # Its length is a test of its own.
             simulation = msgspec.structs.replace(simulation, start_up_s=START_UP_S)
+        simulation = with_true_gains(simulation)
         super().__init__(folder, overrides, simulation)
         self.ports: list[BoardPort] = []
         self.truth: list[TruthSample] = []

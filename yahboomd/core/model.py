@@ -52,6 +52,7 @@ EventKind: TypeAlias = Literal[
     "latency_timer",
     "line_noisy",
     "no_counts",
+    "not_started",
     "odometry_bridged",
     "odometry_discontinuity",
     "off_speed",

@@ -134,7 +134,8 @@ class Faults(Section):
 
     stall: Literal["stop", "report"] = key(
         default="stop",
-        description="When a wheel stands against its command: stop the base, or only report it.",
+        description="When a wheel stands against its command, or does not begin to turn: stop the "
+        "base, or only report it.",
     )
     turns_without_command: Literal["stop", "report"] = key(
         default="report",
@@ -145,7 +146,8 @@ class Faults(Section):
         default=0.08,
         gt=0.0,
         le=1.0,
-        description="Commanded rim speed in m/s below which missing counts prove nothing.",
+        description="Commanded rim speed in m/s from which a wheel that rolled and stops counting "
+        "is at fault at once. Below it, it has the time of one that does not begin to turn.",
     )
 
 

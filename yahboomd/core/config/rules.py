@@ -215,7 +215,9 @@ def speeds(config: Config) -> Iterator[Finding]:
         yield Finding(fastest, words, (place,))
     least: Place = ("faults", "min_speed_m_s")
     if velocity is not None and velocity < config.faults.min_speed_m_s:
-        words = f"above limits.linear.velocity ({number(velocity)}): a stall is never noticed"
+        words = (
+            f"above limits.linear.velocity ({number(velocity)}): a stall in motion is noticed late"
+        )
         yield Finding(least, words, (place,), is_warning=True)
 
 

@@ -27,13 +27,13 @@ from yahboomd.core.drive.arbiter import Arbiter
 from yahboomd.core.drive.arbitration import Decision
 from yahboomd.core.drive.battery import CRAWL_M_S, BatteryWatch
 from yahboomd.core.drive.curve import Curve
-from yahboomd.core.drive.doubts import Doubts
 from yahboomd.core.drive.faults import Fault
 from yahboomd.core.drive.holds import (
     BOARD_RESET,
     BOARD_UNFIT,
     FAULT,
     LINE_NOISY,
+    NOT_STARTED,
     WAITING_FOR_BOARD,
     Hold,
     Holds,
@@ -59,6 +59,9 @@ stop or a turning wheel causes a step at once."""
 
 PERSONS = (CMD_VEL_TELEOP, CMD_VEL_WEB)
 """The sources by which people drive."""
+
+FASTER, MORE = 1.2, 0.01
+"""A command this many times faster, and so much, is worth another try; m/s and rad/s."""
 
 DOUBTFUL_S = 0.5
 """The standstill after a cut that may be the line's fault: the wheels roll out meanwhile."""
@@ -105,7 +108,7 @@ class Controller:
         )
         self._curve = Curve(options.kinematics, options.linear.velocity, options.angular.velocity)
         self._holds = Holds()
-        self._doubts = Doubts()
+        self._failed = Decision().twist
         self._events = Events(clock, outputs, self.counters)
         self._resets = Resets(
             clock,
@@ -174,6 +177,8 @@ class Controller:
         before = self._decision
         decision = self._decision = self._arbiter.current(now_ns)
         self._look(now_ns)
+        if self._holds.has(NOT_STARTED) and self._asks_for_more(decision):
+            self._holds.drop(NOT_STARTED)
         if self._latch.engaged or self._holds.active(now_ns):
             self._stand(now_ns, at_once=True)
         else:
@@ -194,6 +199,12 @@ class Controller:
         self._idle_until_ns = now_ns + IDLE_NS if idle else 0
         if not idle:
             self._beats.wake()
+
+    def _asks_for_more(self, decision: Decision) -> bool:
+        """Whether a command differs from the one at which a wheel did not begin to turn."""
+        new, old = decision.twist, self._failed
+        pairs = zip(msgspec.structs.astuple(new), msgspec.structs.astuple(old), strict=True)
+        return new.is_zero or any(abs(now) > FASTER * abs(then) + MORE for now, then in pairs)
 
     def notice_pause(self) -> None:
         """Detect a pause of this process; before anything is used that may have waited."""
@@ -262,8 +273,6 @@ class Controller:
         if any(speeds):
             self.battery_watch.moves(now_ns)
             self._wheels.turn(speeds)
-            if max(map(abs, speeds)) >= self._options.min_speed_m_s:
-                self._doubts.drive(nanoseconds(dt_s))
         else:
             self._stand(now_ns, at_once=False)
 
@@ -280,11 +289,16 @@ class Controller:
         if self._options.cuts(fault):
             self._limiter.halt()
             self._wheels.cut(now_ns)
-            hold = self._doubtful(fault, now_ns) or Hold(
-                kind=FAULT, message=fault.message, since_ns=now_ns
-            )
+            kind, doubtful = NOT_STARTED, None
+            if fault.action == "let_go":
+                self._failed = self._decision.twist
+                # A board that was reset unnoticed has forgotten its motors, and obeys no speed.
+                self._wheels.rearm()
+            else:
+                kind, doubtful = FAULT, self._doubtful(fault, now_ns)
+            hold = doubtful or Hold(kind=kind, message=fault.message, since_ns=now_ns)
             self._holds.add(hold)
-            if hold.kind == FAULT:
+            if hold.kind != LINE_NOISY:
                 self._report_cut(fault)
             self._outputs.changed()
         elif self._wheels.noisy:
@@ -294,7 +308,7 @@ class Controller:
 
     def _doubtful(self, fault: Fault, now_ns: int) -> Hold | None:
         """The hold for a possible fault of the line; ``None`` if the wheel is to blame."""
-        if self._doubts.blame(now_ns, fault, damages=self._wheels.damages):
+        if self._wheels.check.blame(now_ns, fault, damages=self._wheels.damages):
             return None
         self.counters["noisy_cuts"] += 1
         words = (
@@ -418,7 +432,7 @@ class Controller:
         self._wheels.sent(units, self._clock.now_ns())
 
     def battery(self, volts: float) -> None:
-        self.volts = volts = volts * self._options.battery_scale
+        self.volts = self._wheels.check.volts = volts = volts * self._options.battery_scale
         self._outputs.battery(volts)
         if (event := self.battery_watch.read(volts, self._clock.now_ns())) is not None:
             self.event(event)
@@ -542,7 +556,7 @@ class Controller:
             commanded_zero=not any(self._wheels.command_m_s),
             measured_m_s=self._wheels.measured_m_s,
         )
-        found = standing.reasons(
+        words = standing.reasons(
             now_ns,
             decision=self._decision,
             latched=self._latch.latched,
@@ -553,7 +567,5 @@ class Controller:
             holonomic=self._options.kinematics.holonomic,
             release=self._options.release,
         )
-        words = [reason.message for reason in found]
-        if not words:
-            words = [f"{source_words(self._decision.driver)} drives."]
+        words = words or (f"{source_words(self._decision.driver)} drives.",)
         return state, " ".join([*words, self.battery_watch.words]).rstrip()

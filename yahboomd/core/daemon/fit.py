@@ -8,6 +8,7 @@ import msgspec
 
 from yahboomd.core.drive.faults import Fault
 from yahboomd.core.drive.limiter import AxisCaps
+from yahboomd.core.drive.loop_law import UNKNOWN_LAW, LoopLaw, loop_law
 from yahboomd.core.drive.rest import AtRest
 from yahboomd.core.errors import BoardError
 from yahboomd.core.link.handshake import Identity
@@ -60,7 +61,7 @@ class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
 
     def cuts(self, fault: Fault) -> bool:
         """Whether this fault releases the motors until a person clears it."""
-        if fault.action != "policy":
+        if fault.action in {"cut", "report"}:
             return fault.action == "cut"
         if fault.kind == "turns_without_command":
             return self.turns_without_command == "stop"
@@ -72,11 +73,13 @@ class BoardFit(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         motion: The commands of the wheels; None if they must not turn.
+        law: How its speed loop winds up.
         wrong: Why its wheels must not turn, a sentence each with the remedy; empty if they may.
     """
 
     motion: Motion | None
     wheel_limits: tuple[float, ...]
+    law: LoopLaw = UNKNOWN_LAW
     wrong: tuple[str, ...] = ()
 
 
@@ -106,4 +109,4 @@ def fit(
         motion = dialect.motion(kinematics, motors, settings, scale=scale)
     except BoardError as error:
         return msgspec.structs.replace(nothing, wrong=(str(error),))
-    return BoardFit(motion=motion, wheel_limits=motion.wheel_limits)
+    return BoardFit(motion=motion, wheel_limits=motion.wheel_limits, law=loop_law(settings))

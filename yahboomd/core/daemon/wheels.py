@@ -13,11 +13,11 @@ from typing import Protocol
 from yahboomd.core.clock import nanoseconds
 from yahboomd.core.daemon.fit import BoardFit, no_board
 from yahboomd.core.drive.faults import Fault
+from yahboomd.core.drive.follow_check import FollowCheck
 from yahboomd.core.drive.kinematics import motor_speeds
 from yahboomd.core.drive.rest import AtRest, Rest
 from yahboomd.core.drive.standing import turning
 from yahboomd.core.drive.stop_watch import StopWatch
-from yahboomd.core.drive.wheels_check import WheelsCheck
 from yahboomd.core.model import Kinematics, Motor
 from yahboomd.core.protocol.dialect import Units
 
@@ -103,9 +103,7 @@ class Wheels:
         self._motors = motors
         self._counters = counters
         metres_per_tick = [motor.metres_per_tick for motor in motors]
-        self._check = WheelsCheck(
-            names, min_speed_m_s=min_speed_m_s, metres_per_tick=metres_per_tick
-        )
+        self.check = FollowCheck(names, metres_per_tick, min_speed_m_s=min_speed_m_s)
         self._rest = Rest(at_rest, names, metres_per_tick)
         self._stop_watch = StopWatch(names)
         self._board: WheelLink | None = None
@@ -113,7 +111,6 @@ class Wheels:
         self._stop_due_ns: int | None = None
         self._held_up_ns = 0
         self._ticks: tuple[int, ...] | None = None
-        self._still = (0,) * len(motors)
         self._judged_ns = 0
         self._waited_ns = 0
         self.fit: BoardFit = no_board(kinematics)
@@ -131,7 +128,8 @@ class Wheels:
         self._released = False
         self._rest.drive()
         self._stop_watch.cancel()
-        self._check.reset()
+        self.check.law = fit.law
+        self.check.reset()
 
     def detach(self) -> None:
         """Note that there is no board any more; the motion of the wheels is unknown."""
@@ -209,7 +207,7 @@ class Wheels:
         elif not self._released:
             # If a wheel never counted for its commands, its counter cannot prove that it stands,
             # and the board's speed loop would keep it as fast as it is.
-            owing, stood = self._check.owing, self._rest.lets_go and board.cuts
+            owing, stood = self.check.owing, self._rest.lets_go and board.cuts
             if watch.state == "stopped" and (owing or stood):
                 self.release(now_ns)
                 if not owing:
@@ -232,7 +230,7 @@ class Wheels:
         self._released = True
         self._rest.free = False
         self.command_m_s = self.zeros
-        self._check.command(now_ns, None)
+        self.check.command(now_ns, None)
         if self._board is not None:
             self._board.release()
 
@@ -252,11 +250,11 @@ class Wheels:
         # Any other frame is a stop: stops overtake velocities.
         if units is not None and units != said:
             speeds_m_s = self.zeros
-        self._check.command(now_ns, None if units is None else speeds_m_s)
+        self.check.command(now_ns, None if units is None else speeds_m_s)
 
     def restart_check(self) -> None:
         """Judge the wheels by later readings alone: earlier ones prove nothing any more."""
-        self._check.reset()
+        self.check.reset()
 
     def paused(self, now_ns: int) -> None:
         """Note a pause of this process: data that arrives now is old, and proves nothing.
@@ -312,10 +310,8 @@ class Wheels:
         if 0 < stamp_ns - self._judged_ns < JUDGED_NS:
             return ()
         self._judged_ns, self._ticks = stamp_ns, ticks
-        deltas = self._still
-        if ticks != before:
-            deltas = tuple([b - a for a, b in zip(before, ticks, strict=True)])
-        return self._check.measure(
+        deltas = tuple([b - a for a, b in zip(before, ticks, strict=True)])
+        return self.check.measure(
             stamp_ns,
             speeds_m_s,
             deltas,

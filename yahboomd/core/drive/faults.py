@@ -1,7 +1,7 @@
 """Faults of a wheel: one value for every fault and its event.
 
-Faults are values; nothing is raised. They are found by :mod:`~yahboomd.core.drive.motor_watch`,
-:mod:`~yahboomd.core.drive.wheels_check` and :mod:`~yahboomd.core.drive.stop_watch`.
+Faults are values; nothing is raised. They are found by :mod:`~yahboomd.core.drive.wheel_follower`,
+:mod:`~yahboomd.core.drive.follow_check` and :mod:`~yahboomd.core.drive.stop_watch`.
 """
 
 from __future__ import annotations
@@ -17,11 +17,12 @@ FaultKind: TypeAlias = Literal[
     "runaway_fast",
     "turns_without_command",
     "no_counts",
+    "not_started",
     "off_speed",
     "stop_not_obeyed",
     "rolled",
 ]
-Action: TypeAlias = Literal["cut", "policy", "report"]
+Action: TypeAlias = Literal["cut", "policy", "let_go", "report"]
 
 
 class Fault(msgspec.Struct, frozen=True, kw_only=True):
@@ -32,7 +33,8 @@ class Fault(msgspec.Struct, frozen=True, kw_only=True):
         motor: The motor by name; ``None`` if it concerns all of them.
         message: One sentence for a person, with the things to check.
         action: ``cut``: release the motors at once, in any configuration; ``policy``: act by
-            ``faults.stall``; ``report``: report, and continue.
+            ``faults.stall``; ``let_go``: the same, but until the next command alone; ``report``:
+            report, and continue.
         certain: It lasted too long to be explained by lost or altered commands.
     """
 
@@ -47,7 +49,7 @@ class Fault(msgspec.Struct, frozen=True, kw_only=True):
     def event(self) -> Event:
         return Event(
             kind=self.kind,
-            severity="warning" if self.action == "report" else "error",
+            severity="warning" if self.action in {"let_go", "report"} else "error",
             message=self.message,
             wheel=self.motor,
             data={

@@ -20,6 +20,8 @@ BOARD_UNFIT = "board_unfit"
 """The board's settings would make wheels run away; ends when it is connected with better ones."""
 LINE_NOISY = "line_noisy"
 """A wheel did not follow its command, on a line that damages bytes; ends by itself."""
+NOT_STARTED = "not_started"
+"""A wheel did not begin to turn; ends with that command, or with a faster one."""
 FAULT = "fault"
 """Something is broken; only a person ends this one."""
 

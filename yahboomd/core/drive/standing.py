@@ -8,8 +8,6 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
-import msgspec
-
 from yahboomd.core.drive.arbitration import Decision
 from yahboomd.core.drive.holds import BOARD_UNFIT, FAULT, WAITING_FOR_BOARD, Hold
 from yahboomd.core.model import STANDING_M_S
@@ -31,18 +29,6 @@ def turning(measured_m_s: Sequence[float]) -> bool:
     return any(abs(speed) >= STANDING_M_S for speed in measured_m_s)
 
 
-class Reason(msgspec.Struct, frozen=True, kw_only=True):
-    """One reason to stand.
-
-    Attributes:
-        kind: A stable word.
-        message: A sentence for a person, with the duration.
-    """
-
-    kind: str
-    message: str
-
-
 def reasons(
     now_ns: int,
     *,
@@ -54,7 +40,7 @@ def reasons(
     angular: AxisCaps | None = None,
     holonomic: bool = True,
     release: str = "yahboomd stop --release",
-) -> tuple[Reason, ...]:
+) -> tuple[str, ...]:
     """Every reason why the robot stands; empty while it may drive.
 
     Args:
@@ -63,16 +49,11 @@ def reasons(
         release: The command that lets this robot, and no other, drive again.
     """
     again = f"To drive again: `{release}`."
-    found: list[Reason] = []
+    found = list[str]()
     if latched is not None:
         found.append(
-            Reason(
-                kind="estop",
-                message=(
-                    f"Emergency stop, engaged by {latched.by} "
-                    f"{_seconds(now_ns - latched.since_ns)} ago: {latched.reason}. {again}"
-                ),
-            )
+            f"Emergency stop, engaged by {latched.by} {_seconds(now_ns - latched.since_ns)} ago: "
+            f"{latched.reason}. {again}"
         )
     found += [
         _held(now_ns, hold, again) for hold in sorted(holds, key=lambda hold: hold.kind != FAULT)
@@ -83,7 +64,7 @@ def reasons(
     # Refusals explain a standing robot; a driving one obeys other commands.
     if refused and found:
         listed = ", ".join(f"{count} {reason}" for reason, count in sorted(refused.items()))
-        found.append(Reason(kind="refused", message=f"Commands refused lately: {listed}."))
+        found.append(f"Commands refused lately: {listed}.")
     return tuple(found)
 
 
@@ -117,33 +98,30 @@ def state_of(
     return "stopping" if moves else "standing"
 
 
-def _held(now_ns: int, hold: Hold, again: str) -> Reason:
-    message = f"{hold.message} (since {_seconds(now_ns - hold.since_ns)}"
-    if hold.until_ns is not None:
-        message += f", for another {_seconds(hold.until_ns - now_ns)}"
-    words = f"{message})"
-    return Reason(kind=hold.kind, message=f"{words} {again}" if hold.kind == FAULT else words)
+def _held(now_ns: int, hold: Hold, again: str) -> str:
+    until = "" if hold.until_ns is None else f", for another {_seconds(hold.until_ns - now_ns)}"
+    words = f"{hold.message} (since {_seconds(now_ns - hold.since_ns)}{until})"
+    return f"{words} {again}" if hold.kind == FAULT else words
 
 
-def _not_commanded(decision: Decision) -> list[Reason]:
+def _not_commanded(decision: Decision) -> list[str]:
     source, driver = source_words(decision.source), source_words(decision.driver)
     age = "" if decision.age_ns is None else f" {_seconds(decision.age_ns)} ago"
     match decision.why:
         case "no_command" if decision.source is not None:
-            message = f"{source} drove and was lost{age}: its client left the bus."
+            return [f"{source} drove and was lost{age}: its client left the bus."]
         case "no_command":
-            message = "No source commands motion."
+            return ["No source commands motion."]
         case "ended":
-            message = f"{source} ended with a zero command{age}."
+            return [f"{source} ended with a zero command{age}."]
         case "timed_out":
-            message = f"{source} fell silent after its last command{age}."
+            return [f"{source} fell silent after its last command{age}."]
         case "revoked":
-            message = f"Held-up commands of {decision.source or 'a source'} were dropped."
+            return [f"Held-up commands of {decision.source or 'a source'} were dropped."]
         case "zero_command":
-            message = f"{driver} commands zero and keeps control."
+            return [f"{driver} commands zero and keeps control."]
         case _:
             return []
-    return [Reason(kind=decision.why, message=message)]
 
 
 def _impossible(
@@ -152,7 +130,7 @@ def _impossible(
     angular: AxisCaps | None,
     *,
     holonomic: bool,
-) -> list[Reason]:
+) -> list[str]:
     """Explain a wish that the limits and the geometry reduce to nothing."""
     twist = decision.twist
     straight = linear is None or linear.velocity != 0.0
@@ -166,20 +144,16 @@ def _impossible(
         return _crawling(decision, linear, angular)
     driver = source_words(decision.driver)
     if not holonomic and twist.vx == 0.0 and twist.wz == 0.0:
-        message = f"{driver} commands sideways motion, which this base cannot do."
-        return [Reason(kind="sideways", message=message)]
+        return [f"{driver} commands sideways motion, which this base cannot do."]
     zeros = [
         name
         for name, allowed in (("limits.linear", straight), ("limits.angular", turning))
         if not allowed
     ]
-    message = f"{driver} commands motion that {' and '.join(zeros)}.velocity = 0 forbids."
-    return [Reason(kind="limit_zero", message=message)]
+    return [f"{driver} commands motion that {' and '.join(zeros)}.velocity = 0 forbids."]
 
 
-def _crawling(
-    decision: Decision, linear: AxisCaps | None, angular: AxisCaps | None
-) -> list[Reason]:
+def _crawling(decision: Decision, linear: AxisCaps | None, angular: AxisCaps | None) -> list[str]:
     """Explain limits that reduce a wish until the robot seems to stand."""
     twist, found = decision.twist, list[str]()
     for name, unit, wish, limits, slow in (
@@ -203,8 +177,7 @@ def _crawling(
             return []
     if not found:
         return []
-    message = f"{source_words(decision.driver)} drives at a crawl: {', and '.join(found)}."
-    return [Reason(kind="limit_slow", message=message)]
+    return [f"{source_words(decision.driver)} drives at a crawl: {', and '.join(found)}."]
 
 
 def _seconds(duration_ns: int) -> str:

@@ -133,6 +133,7 @@ _COMMAND = {
     "runaway_fast": "wheels that turned much faster than commanded",
     "turns_without_command": "wheels that turned without a command",
     "no_counts": "wheels whose encoder showed no motion although they were commanded to turn",
+    "not_started": "wheels that did not begin to turn, and were let go until the next command",
     "off_speed": "wheels that turned at another speed than commanded",
     "stop_not_obeyed": "stops that the wheels did not obey",
     "rolled": "times that wheels which were let go at rest rolled, and were held again",

@@ -39,6 +39,7 @@ class WheelFaultEvent(_EventOfKind, frozen=True, kw_only=True):
         "runaway_fast",
         "turns_without_command",
         "no_counts",
+        "not_started",
         "off_speed",
         "stop_not_obeyed",
         "rolled",
@@ -282,6 +283,9 @@ KINDS: dict[EventKind, KindInfo] = {
     "runaway_fast": _wheel("A wheel turns much faster than commanded."),
     "turns_without_command": _wheel("A wheel turns without a command."),
     "no_counts": _wheel("A wheel is commanded, and its encoder shows no motion."),
+    "not_started": _wheel(
+        "A wheel does not begin to turn: let go, and driven again by the next command.", "warning"
+    ),
     "off_speed": _wheel("A wheel turns at another speed than commanded.", "warning"),
     "stop_not_obeyed": _wheel("The wheels do not obey a stop: the motors are cut."),
     "rolled": _wheel("A wheel that was let go rolled: held until the next drive.", "warning"),
