@@ -11,15 +11,7 @@ from yahboomd.simulation.virtual_time import on_virtual_time
 pytestmark = ON_THE_FIRMWARE
 
 
-FOUR_WRITES = pytest.mark.xfail(
-    reason="4 writes: the break-away output, 52 and 58 %, is taken for the dead zone of 40 and 44 %"
-)
-
-
-@pytest.mark.parametrize(
-    "motor",
-    [*of_all(MOTORS, 3, 4), *(pytest.param(name, marks=FOUR_WRITES) for name in STICKING)],
-)
+@pytest.mark.parametrize("motor", [*of_all(MOTORS, 3, 4), *STICKING])
 @on_virtual_time
 async def test_each_motor_follows_better_after_three_writes_at_most(motor: str) -> None:
     result = await TuningBench(options=KINDS[motor]).tune()

@@ -257,15 +257,15 @@ class TuneCommand:
 
     async def _agree(self, wanted: BoardSettings, dialect: Dialect) -> bool:
         """Announce the values to be written, and ask."""
-        from yahboomd.tools.tune.procedure import ROUNDS
+        from yahboomd.tools.tune.procedure import MOST_WRITES
         from yahboomd.tools.tune.tune_text import values
 
         resets = any(row.resets for row in dialect.settings if row.field in wanted)
         restart = f", and restarts the board ({RESET_S:g} s)" if resets else ""
         self.say(
             f"To be stored: {values(wanted)}. Each value costs one of some {FLASH_WRITES:,} writes "
-            f"of the board's flash{restart}; up to {ROUNDS} sets of gains are tried. Its "
-            f"present values are saved in {self._place}."
+            f"of the board's flash{restart}; each is measured, {MOST_WRITES} are written at most. "
+            f"Its present values are saved in {self._place}."
         )
         if self._args.yes:
             return True

@@ -10,6 +10,7 @@ from tuning_bench import TuningBench
 from yahboomd.core.errors import BoardError
 from yahboomd.simulation.motors import FAULTS
 from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.tools.tune.estimates.dead_zone import stopping_output, turning_output
 from yahboomd.tools.tune.stand import Stand
 
 
@@ -49,7 +50,7 @@ async def test_a_wheel_that_would_run_away_is_found_without_regulation(fault, wo
     motor(bench, "left").faults = FAULTS[fault]
     with pytest.raises(BoardError, match=words):
         async with opened(bench) as stand:
-            await stand.ramp(stand.motors[0], 1)
+            await stand.ramp(stand.motors[0], 1, down=True)
     assert not [
         frame
         for frame in bench.link.frames
@@ -107,7 +108,7 @@ async def test_a_computer_that_stood_still_as_a_wheel_was_cut_accuses_no_wheel()
 
     standing_still = asyncio.ensure_future(stand_still())
     async with opened(bench) as stand:
-        await stand.ramp(stand.motors[0], 1)
+        await stand.ramp(stand.motors[0], 1, down=True)
     await standing_still
     await standing(bench)
 
@@ -137,4 +138,24 @@ async def test_a_step_is_the_travel_of_each_wheel_along_its_command() -> None:
             for travel in traces.travel_m:
                 assert travel[-1] == pytest.approx(0.4, abs=0.06)
                 assert (travel[-1] - travel[-21]) / 0.2 == pytest.approx(0.4, rel=0.03)
+    await standing(bench)
+
+
+# The board stores 1600: wheels whose friction is above and below it.
+@pytest.mark.parametrize("friction", [1440, 1950])
+@pytest.mark.parametrize("stick", [1.0, 1.3, pytest.param(1.6, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("lag_s", [0.06, pytest.param(0.3, marks=pytest.mark.nightly)])
+@on_virtual_time
+async def test_a_wheel_stops_at_its_moving_friction_however_it_sticks(
+    friction: int, stick: float, lag_s: float
+) -> None:
+    bench = TuningBench(
+        options={"motor_dead_zone": friction, "sticks": (stick,), "time_constant_s": lag_s}
+    )
+    async with opened(bench) as stand:
+        rise, fall = await stand.ramp(stand.motors[0], -1, down=True)
+    begins = turning_output(rise)
+    assert begins is not None
+    assert begins >= stick * friction - 20
+    assert stopping_output(fall) == pytest.approx(friction, rel=0.03)
     await standing(bench)

@@ -18,7 +18,12 @@ def test_it_has_both_steps_of_each_wheel_and_every_write():
         suggested={"pid": (0.7, 0.12, 0.0), "deadzone": 1900},
         wheels=[
             WheelTuning(
-                name="left", position=1, turning_output=(2000, 1990), before=NEVER, after=SOON
+                name="left",
+                position=1,
+                turning_output=(2000, 1990),
+                stopping_output=(1510, 1500),
+                before=NEVER,
+                after=SOON,
             )
         ],
         writes=2,
@@ -27,6 +32,7 @@ def test_it_has_both_steps_of_each_wheel_and_every_write():
     )
     text = "\n".join(lines(result))
     assert "left (M1)   before   never    0.0%        no        -60.0%         2000 / -1990" in text
+    assert "1510 / -1500" in text
     assert "after    0.05 s   1.2%        0.08 s    -0.1%" in text
     assert "stored before   P 0.1, I 0.01, D 0; dead zone 0" in text
     assert "stored now      P 0.7, I 0.12, D 0; dead zone 1900" in text

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Awaitable, Callable
 from functools import partial
-from typing import TypeVar
+from typing import TypeAlias, TypeVar
 
 import msgspec
 
@@ -29,12 +29,16 @@ from yahboomd.tools.tune.tuning_result import (
     GAINS,
     Result,
     WheelTuning,
+    no_worse,
     rank_of,
     tuned_of,
+    worst,
 )
 from yahboomd.tools.tune.wheel_faults import WheelFault
 
 T = TypeVar("T")
+
+Figures: TypeAlias = list[StepFigures | None]
 
 HOLD_S = 1.5
 REPEATS = 2
@@ -43,8 +47,8 @@ REPEATS = 2
 SPARE_STEPS = 8
 """The most steps that are repeated because readings came late or damaged."""
 
-ROUNDS = 3
-"""The most sets of gains that are tried."""
+MOST_WRITES = 3
+"""The most values written. Each is measured alone and undone by one more, so the last is kept."""
 
 SLOWER = 1.5
 UNSEEN = 0.6
@@ -60,13 +64,6 @@ FOLLOWS = 0.3
 """A wheel that reaches less than this share of a step shows too little of its motor."""
 
 DEAD_ZONE_OFF_SHARE = 0.012
-NEAR_LEAST = 40
-"""A wheel that turns with an output this near to the stored dead zone may need less."""
-
-LEAST_OUTPUT = (
-    "The wheels turn with the least output that the board gives, so their own dead zone may be "
-    "smaller still: tune again after this one is stored."
-)
 GAP_LEFT = 0.05
 FASTEST_M_S = 1.5
 
@@ -76,6 +73,19 @@ Agree = Callable[[BoardSettings, Dialect], Awaitable[bool]]
 
 Save = Callable[[Dialect, BoardSettings], None]
 """Saves the board's settings to disk, before the first write."""
+
+
+class Measured(msgspec.Struct, frozen=True):
+    """What a board stores, and how its wheels follow."""
+
+    figures: Figures
+    stored: BoardSettings
+    trial: bool = False
+
+    @property
+    def rank(self) -> tuple[bool, bool, float]:
+        """A sort key, the best first."""
+        return rank_of(self.figures, trial=self.trial)
 
 
 class Procedure:
@@ -153,15 +163,22 @@ class Procedure:
             self._suggest()
 
     async def _ramps(self, stand: Stand) -> None:
+        stores = DEAD_ZONE in self.result.stored_before
+        how = "output slowly up and down" if stores else "output slowly up"
         for motor, wheel in zip(stand.motors, self.result.wheels, strict=True):
-            outputs = []
+            turning, stopping = [], []
             for way in (1, -1):
-                self._say(f"{motor.name}: output slowly up, {'forward' if way > 0 else 'backward'}")
-                ramp = await self._repeated(stand, partial(stand.ramp, motor, way))
-                found = dead_zone.turning_output(ramp)
-                assert found is not None, "a ramp ends when the wheel has turned"
-                outputs.append(found)
-            wheel.turning_output = (outputs[0], outputs[1])
+                self._say(f"{motor.name}: {how}, {'forward' if way > 0 else 'backward'}")
+                rise, fall = await self._repeated(
+                    stand, partial(stand.ramp, motor, way, down=stores)
+                )
+                begins = dead_zone.turning_output(rise)
+                assert begins is not None, "a rise ends when the wheel has turned"
+                turning.append(begins)
+                if fall:
+                    stopping.append(dead_zone.stopping_output(fall))
+            wheel.turning_output = (turning[0], turning[1])
+            wheel.stopping_output = (stopping[0], stopping[1]) if stopping else None
 
     async def _measure(self, stand: Stand, name: str) -> list[StepFigures]:
         """Steps of all wheels together, forward and backward; the figures of their means."""
@@ -251,14 +268,12 @@ class Procedure:
             wheel.model, wheel.unexplained = found
             models.append(found[0])
         wanted: BoardSettings = {}
-        turning = [each for wheel in result.wheels for each in wheel.turning_output or ()]
+        stopping = [each for wheel in result.wheels for each in wheel.stopping_output or ()]
         stored = result.stored_now.get(DEAD_ZONE)
-        if turning and isinstance(stored, int | float):
-            measured = dead_zone.made_up_for(turning, dialect.most_output)
+        if stopping and isinstance(stored, int | float):
+            measured = dead_zone.made_up_for(stopping, dialect.most_output)
             if abs(measured - stored) > DEAD_ZONE_OFF_SHARE * dialect.most_output:
                 wanted[DEAD_ZONE] = measured
-                if LEAST_OUTPUT not in result.notes and min(turning) < stored + NEAR_LEAST:
-                    result.notes.append(LEAST_OUTPUT)
                 most = GAP_LEFT * target
                 models = [msgspec.structs.replace(it, gap=min(it.gap, most)) for it in models]
         unexplained = max(wheel.unexplained or 0.0 for wheel in result.wheels)
@@ -314,35 +329,78 @@ class Procedure:
             return False
         # Save all settings: if power fails within a write, the board may lose the others too.
         save(self._dialect, self._stored)
-        before = [wheel.before for wheel in result.wheels]
-        best = (rank_of(before, trial=False), result.stored_before, before)
+        before: Figures = [wheel.before for wheel in result.wheels]
+        best = Measured(before, result.stored_before)
         try:
-            for number in range(ROUNDS):
-                await self._write(result.suggested)
-                async with Stand.open(self._opener, self._clock, self._config, self._say) as stand:
-                    after: list[StepFigures | None] = [*await self._measure(stand, "after")]
-                rank = rank_of(after, trial=result.expected is None)
-                best = min(best, (rank, result.stored_now, after), key=lambda each: each[0])
-                if result.expected is not None and best[2] is after and not rank[0]:
-                    break
-                if number < ROUNDS - 1:
-                    self._suggest(result.expected.lambda_s * SLOWER if result.expected else 0.0)
-            _, stored, figures = best
-            if stored != result.stored_now:
-                await self._write(stored)
+            for field in self._order():
+                try_it = self._try_gains if field == GAINS else self._try_dead_zone
+                best = await try_it(best)
+                if best.stored != result.stored_now:
+                    await self._write(best.stored)
         except (PortLost, LostInMotion, LeftTurning):
             raise
         except BaseException:
             await undisturbed(self._restore())
             raise
-        if figures is before:
-            result.notes.append(
-                f"None of {ROUNDS} sets of gains was better: the board has its own values again."
-            )
+        if best.figures is before:
+            result.notes.append("No values were better: the board has its own again.")
             return False
-        for wheel, each in zip(result.wheels, figures, strict=True):
+        for wheel, each in zip(result.wheels, best.figures, strict=True):
             wheel.after = each
         return True
+
+    def _order(self) -> list[str]:
+        """The fields to store. A dead zone that hides the motors comes before the gains."""
+        fields = [field for field in (GAINS, DEAD_ZONE) if field in self.result.suggested]
+        _, settling_s = worst([wheel.before for wheel in self.result.wheels])
+        chatters = self.result.expected is None and self._follows
+        return fields[::-1] if settling_s is None and not chatters else fields
+
+    async def _try_gains(self, best: Measured) -> Measured:
+        """Store gains and measure them, and others if they are not good enough."""
+        result = self.result
+        while self._may_write:
+            trial = result.expected is None
+            await self._write({GAINS: result.suggested[GAINS]})
+            after = await self._measured(trial=trial)
+            if after.rank < best.rank:
+                best = after
+                if not trial and not after.rank[0]:
+                    break
+            if self._may_write:
+                self._suggest(result.expected.lambda_s * SLOWER if result.expected else 0.0)
+        return best
+
+    async def _try_dead_zone(self, best: Measured) -> Measured:
+        """Store the dead zone, and keep it unless the wheels follow worse."""
+        result = self.result
+        if not self._may_write:
+            result.notes.append(
+                f"The dead zone of {result.suggested[DEAD_ZONE]} is not stored, since "
+                f"{result.writes} values were written: tune again to store it."
+            )
+            return best
+        await self._write({DEAD_ZONE: result.suggested[DEAD_ZONE]})
+        self._steps = []
+        after = await self._measured(trial=best.trial)
+        if not no_worse(after.figures, best.figures):
+            return best
+        if best.stored == result.stored_before and self._may_write:
+            # The motors show more of themselves, and gains come next.
+            stored = {DEAD_ZONE: result.suggested[DEAD_ZONE]}
+            self._suggest()
+            result.suggested = stored | result.suggested
+        return after
+
+    @property
+    def _may_write(self) -> bool:
+        """Whether a value may be written that one more write can undo."""
+        return self.result.writes + 2 <= MOST_WRITES
+
+    async def _measured(self, *, trial: bool) -> Measured:
+        async with Stand.open(self._opener, self._clock, self._config, self._say) as stand:
+            figures: Figures = [*await self._measure(stand, "after")]
+        return Measured(figures, self.result.stored_now, trial=trial)
 
     async def _restore(self) -> None:
         """Restore the board's own values; errors are suppressed in favour of the tuning's error."""

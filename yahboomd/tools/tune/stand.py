@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import contextlib
 from collections import deque
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
+from functools import partial
 from statistics import median_low
 from typing import Self
 
@@ -28,6 +29,7 @@ from yahboomd.tools.port.board_questions import read_battery, read_counters
 from yahboomd.tools.port.coming_to_rest import counts_at_rest, cut
 from yahboomd.tools.port.guarded import GuardedPort, guarded
 from yahboomd.tools.tune import wheel_faults
+from yahboomd.tools.tune.estimates.dead_zone import MOVED_COUNTS, Ramp, RampSample
 from yahboomd.tools.tune.line_faults import LineFault, line_blamed
 from yahboomd.tools.tune.traces import Traces, traces_of
 from yahboomd.tools.tune.wheel_faults import WheelFault
@@ -41,11 +43,19 @@ SILENT_NS = 800_000_000
 STILL_TICKS_PER_S = 20.0
 """One count more or less in the window. A wheel that still rolls out would show as motion later."""
 
-RAMP_UNITS_PER_S = 800.0
-RAMP_TURNS = 0.15
-"""A ramp ends when the wheel has turned this far."""
+RISE_UNITS_PER_S = 800.0
+RISE_TURNS = 0.15
+"""A rise ends when the wheel has turned this far."""
 
-Ramp = list[tuple[int, int]]
+FALL_UNITS_PER_S = 50.0
+FALL_UNITS_PER_TURN = 150.0
+"""The output falls by these: slowly at the end, because a wheel lags behind its output."""
+
+FALL_WITHIN_S = 15.0
+STOPPED_S = 0.2
+HOLD_S = 1.5
+HELD_ABOVE = 300
+"""Where the least output turns the wheel, it is held, and another one this much above it."""
 
 
 class Stand:
@@ -170,53 +180,100 @@ class Stand:
         """The error of a line over which nothing can be measured."""
         return LineFault.of(self._line)
 
-    async def ramp(self, motor: Motor, way: int) -> Ramp:
+    async def ramp(self, motor: Motor, way: int, *, down: bool) -> tuple[Ramp, Ramp]:
         """Raise one motor's output slowly until it has turned; the others stay off.
 
         Args:
             way: +1 forward, -1 backward.
+            down: Lower the output then until the wheel stops.
 
         Returns:
-            Each output with the motor's count by then, in the order of time.
+            The rise and the fall of the output. The fall is empty unless asked for; where even the
+            least output turns the wheel, it ends with that one and a larger one, held.
 
         Raises:
             WheelFault: Another wheel turned too, or it turned the wrong way, or not at all.
             BoardError: The board reset itself, or a wheel does not stop.
         """
-        dialect, position = self.dialect, motor.position
-        ticks_end = RAMP_TURNS * motor.ticks_per_revolution
-        found: Ramp = []
         first = await self._stand()
+        rise: Ramp = []
+        fall: Ramp = []
         async with self._driven(None):
             start_ns = self._clock.now_ns()
-            while True:
-                elapsed_s = seconds(self._clock.now_ns() - start_ns)
-                output = min(dialect.most_output, round(RAMP_UNITS_PER_S * elapsed_s))
-                signed = output * motor.command_sign * way
-                each = [signed if place == position else 0 for place in range(1, CHANNELS + 1)]
-                self._line.writer.velocity(dialect.outputs(tuple(each), self.settings or {}))
-                await self._look(2 * LOOK_NS)
-                counts = self._counts_since(first)
-                own = counts[position - 1] * motor.encoder_sign * way
-                found.append((output, own))
-                wheel_faults.check_alone(motor, self.motors, counts)
-                if own < -wheel_faults.TOUCHED_COUNTS:
+            at = partial(self._at_output, motor, way, first=first, start_ns=start_ns)
+            output = 0.0
+            while not rise or rise[-1].counts < RISE_TURNS * motor.ticks_per_revolution:
+                if output >= self.dialect.most_output:
                     raise WheelFault(
-                        f"{motor.name} (M{position}) counts {'down' if way > 0 else 'up'} while it "
-                        f"is driven {'forward' if way > 0 else 'backward'}: with regulation it "
-                        "would run away.",
-                        remedy="Set its signs, or swap the wires of its encoder: see `yahboomd "
-                        "probe` and the page on setting up.",
-                    )
-                if own >= ticks_end:
-                    break
-                if output >= dialect.most_output:
-                    raise WheelFault(
-                        f"{motor.name} (M{position}) does not count at full output.",
+                        f"{motor.name} (M{motor.position}) does not count at full output.",
                         remedy="Look at its cable, at the supply of the motors, and whether the "
                         "wheel is free.",
                     )
-        return found
+                output = RISE_UNITS_PER_S * seconds(self._clock.now_ns() - start_ns)
+                rise.append(await at(output))
+            if down:
+                fall = await self._lower(motor, at, rise[-1])
+        return rise, fall
+
+    async def _lower(
+        self, motor: Motor, at: Callable[[float], Awaitable[RampSample]], last: RampSample
+    ) -> Ramp:
+        """Lower an output until the wheel stops, or hold the two that are nearest to that.
+
+        Args:
+            at: Gives the motor an output.
+            last: The end of the rise.
+        """
+        fall: Ramp = []
+        stored = (self.settings or {}).get("deadzone")
+        least = 1 + (stored if isinstance(stored, int) else 0)
+        output, moved, speed = float(last.output), last, 0.0
+        while output > least and last.at_s - moved.at_s < STOPPED_S:
+            rate = FALL_UNITS_PER_S + FALL_UNITS_PER_TURN * speed / motor.ticks_per_revolution
+            before = fall[-5:][0] if fall else last
+            last = await at(output)
+            fall.append(last)
+            speed = max(0.0, (last.counts - before.counts) / (last.at_s - before.at_s))
+            output = max(least, output - rate * LOOK_NS * 2 / NS_PER_S)
+            if last.counts > moved.counts:
+                moved = last
+            if last.at_s - fall[0].at_s > FALL_WITHIN_S:
+                break
+        if last.at_s - moved.at_s >= STOPPED_S or output > least:
+            return fall
+        for held in (least, min(least + HELD_ABOVE, self.dialect.most_output)):
+            begun = last
+            while last.at_s - begun.at_s < HOLD_S:
+                last = await at(held)
+                fall.append(last)
+            if last.counts - begun.counts < MOVED_COUNTS:
+                # The wheel stopped just there.
+                break
+        return fall
+
+    async def _at_output(
+        self, motor: Motor, way: int, output: float, *, first: Counts, start_ns: int
+    ) -> RampSample:
+        """Give one motor an output for two looks, and check what turned."""
+        dialect, position = self.dialect, motor.position
+        given = min(dialect.most_output, round(output))
+        signed = given * motor.command_sign * way
+        a, b, c, d = (signed if place == position else 0 for place in range(1, CHANNELS + 1))
+        self._line.writer.velocity(dialect.outputs((a, b, c, d), self.settings or {}))
+        await self._look(2 * LOOK_NS)
+        counts = self._counts_since(first)
+        own = counts[position - 1] * motor.encoder_sign * way
+        wheel_faults.check_alone(motor, self.motors, counts)
+        if own < -wheel_faults.TOUCHED_COUNTS:
+            raise WheelFault(
+                f"{motor.name} (M{position}) counts {'down' if way > 0 else 'up'} while it "
+                f"is driven {'forward' if way > 0 else 'backward'}: with regulation it "
+                "would run away.",
+                remedy="Set its signs, or swap the wires of its encoder: see `yahboomd "
+                "probe` and the page on setting up.",
+            )
+        at_s = seconds(self._clock.now_ns() - start_ns)
+        return RampSample(at_s, given, own)
 
     async def step(self, speed_m_s: float, hold_s: float) -> Traces:
         """Turn every wheel by one step from rest, and stop it again.

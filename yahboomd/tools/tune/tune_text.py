@@ -8,7 +8,16 @@ from yahboomd.core.protocol.settings import BoardSettings
 from yahboomd.tools.tune.estimates.step_response import StepFigures
 from yahboomd.tools.tune.tuning_result import DEAD_ZONE, GAINS, Result
 
-HEADINGS = ("wheel", "", "rise", "overshoot", "settled", "steady error", "turns from output")
+HEADINGS = (
+    "wheel",
+    "",
+    "rise",
+    "overshoot",
+    "settled",
+    "steady error",
+    "turns from output",
+    "stops below",
+)
 
 
 def values(settings: BoardSettings) -> str:
@@ -26,12 +35,16 @@ def lines(result: Result, width: int = 100) -> list[str]:
     """The report."""
     cells: list[tuple[str, ...]] = [HEADINGS]
     for wheel in result.wheels:
-        turning = wheel.turning_output
-        shown = "" if turning is None else f"{turning[0]} / {-turning[1]}"
+        shown = [
+            "" if each is None else f"{each[0]} / {-each[1]}"
+            for each in (wheel.turning_output, wheel.stopping_output)
+        ]
         for when, found in (("before", wheel.before), ("after", wheel.after)):
             if found is not None:
                 name = f"{wheel.name} (M{wheel.position})" if when == "before" else ""
-                cells.append((name, when, *_figures(found), shown if when == "before" else ""))
+                cells.append(
+                    (name, when, *_figures(found), *(shown if when == "before" else ("", "")))
+                )
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     found_lines = [
         "   ".join(cell.ljust(size) for cell, size in zip(row, widths, strict=True)).rstrip()

@@ -19,6 +19,9 @@ OVERSHOOT = 0.05
 BETTER = 0.9
 """Gains must settle within this share of the old settling time to be worth a write."""
 
+ALIKE, ALIKE_S, ALIKE_OVERSHOOT = 1.1, 0.02, 0.02
+"""Repeated steps differ by this in their settling time and overshoot."""
+
 
 class WheelTuning(msgspec.Struct, kw_only=True):
     """The findings on one wheel.
@@ -27,6 +30,8 @@ class WheelTuning(msgspec.Struct, kw_only=True):
         position: The plug of its motor, 1 to 4.
         turning_output: The output at which it begins to turn, forward and backward; None if the
             board cannot drive a motor without regulation.
+        stopping_output: The output at which the turning wheel stops, likewise; None if the board
+            stores no dead zone.
         before: The figures of its step with the gains from before.
         after: The figures with the newly stored gains; None if none were stored.
         model: The fitted motor; None without a fit.
@@ -36,6 +41,7 @@ class WheelTuning(msgspec.Struct, kw_only=True):
     name: str
     position: int
     turning_output: tuple[int, int] | None = None
+    stopping_output: tuple[int, int] | None = None
     before: StepFigures | None = None
     after: StepFigures | None = None
     model: LoopModel | None = None
@@ -76,14 +82,14 @@ class Result(msgspec.Struct, kw_only=True):
         """Whether the suggestion would be an improvement."""
         if not self.suggested:
             return False
-        overshoot, settling_s = _worst([wheel.before for wheel in self.wheels])
+        overshoot, settling_s = worst([wheel.before for wheel in self.wheels])
         expected = self.expected
         if overshoot > OVERSHOOT or settling_s is None or expected is None:
             return True
         return expected.settling_s is not None and expected.settling_s < BETTER * settling_s
 
 
-def _worst(found: Sequence[StepFigures | None]) -> tuple[float, float | None]:
+def worst(found: Sequence[StepFigures | None]) -> tuple[float, float | None]:
     """The largest overshoot and the longest settling; None if one does not settle."""
     known = [each for each in found if each is not None]
     settled = [each.settling_s for each in known]
@@ -96,9 +102,20 @@ def rank_of(found: Sequence[StepFigures | None], *, trial: bool) -> tuple[bool, 
 
     Trial gains only serve to measure the motors, so suggested ones rank before them.
     """
-    overshoot, settling_s = _worst(found)
+    overshoot, settling_s = worst(found)
     bad = overshoot > OVERSHOOT or settling_s is None
     return bad, trial, math.inf if settling_s is None else settling_s
+
+
+def no_worse(after: Sequence[StepFigures | None], before: Sequence[StepFigures | None]) -> bool:
+    """Whether wheels follow as well as before, as far as steps that are repeated are alike."""
+    overshoot, settling_s = worst(after)
+    overshot, settled_s = worst(before)
+    if overshoot > max(OVERSHOOT, overshot + ALIKE_OVERSHOOT):
+        return False
+    return settled_s is None or (
+        settling_s is not None and settling_s <= ALIKE * settled_s + ALIKE_S
+    )
 
 
 def tuned_of(settings: BoardSettings) -> BoardSettings:

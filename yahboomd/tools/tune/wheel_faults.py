@@ -56,7 +56,12 @@ def found(
             look = "Look at its encoder's cable and at the stored settings."
         elif abs(counts) <= STANDS_COUNTS and farthest_m > STANDS_WHILE_S * abs(wanted):
             what = "stood while another wheel turned"
-            look = "Its encoder or its motor is not connected, or it is held."
+            look = (
+                "It turned alone before: its cable is loose, it is held, or the stored gains and "
+                "dead zone are too small to start it."
+                if ramped
+                else "Its encoder or its motor is not connected, or it is held."
+            )
         elif counts == 0 and waited_s > MOVES_WITHIN_S and not ramped:
             what = f"did not turn within {MOVES_WITHIN_S:g} s"
             look = "Its encoder or its motor is not connected, or the stored gains are too small."
