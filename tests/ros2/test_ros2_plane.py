@@ -198,7 +198,7 @@ def test_what_ros_asks_is_answered_in_cdr(
         native = graph.ask(native_key(key, ros_type), payload, asked)
         for answer in (through_bridge, native):
             reply = oracle.decode(f"{ros_type}_Response", answer.payload.to_bytes())
-            assert reply["success"] is success
+            assert reply["success"] is success, reply["message"]
             assert reply["message"]
         assert native.attachment is not None
         returned = ros2_names.parse_attachment(native.attachment.to_bytes())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -66,10 +67,15 @@ class Application:
         key = "bot1/yahboomd/status"
         wait_for(lambda: self.of(key) and self.of(key)[-1]["state"] == wanted, wanted)
 
-    def passes(self, state: str) -> None:
-        """Wait until it is in a state, or was: a busy machine may look after its end."""
-        key = "bot1/yahboomd/status"
-        wait_for(lambda: any(each["state"] == state for each in self.of(key)), state)
+    def drives(self, payload: bytes) -> None:
+        """Command until it drives, or did: a busy machine drops commands that waited."""
+
+        def found() -> bool:
+            self.session.put("bot1/cmd_vel", payload)
+            time.sleep(0.04)
+            return any(each["state"] == "driving" for each in self.of("bot1/yahboomd/status"))
+
+        wait_for(found, "driving")
 
     def account(self) -> dict[str, Any]:
         """How the commands fared, as of the newest status."""
@@ -110,9 +116,7 @@ def test_every_sample_and_answer_is_what_its_key_its_encoding_and_its_schema_pro
     services_answer(application)
     application.state("standing")
     drive = ENCODE[application.encoding]({"vx": 0.2, "wz": 0.4, "a_later_field": [1, {"b": None}]})
-    for _ in range(5):
-        application.session.put("bot1/cmd_vel", drive)
-    application.passes("driving")
+    application.drives(drive)
     application.session.put("bot1/cmd_vel", b"garbage")
     refused = {"unknown_encoding": 1}
     wait_for(

@@ -152,7 +152,7 @@ async def test_frames_that_queued_while_the_server_was_frozen_move_nothing_nor_d
     page.came.clear()
     site.web.process.send_signal(signal.SIGCONT)
     refused = await page.one("refused")
-    assert refused["why"] in {"late", "lapse", "let_go"}
+    assert refused["why"] in {"late", "lapse", "let_go", "no_source"}
     await site.stays(page)
     await ends_in_motion(site, page, signal.SIGKILL)
 
