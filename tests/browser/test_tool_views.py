@@ -200,9 +200,12 @@ def test_a_calibration_by_tape_through_the_page_writes_the_true_size(
     answer(f"{length_m:.4f}")
     page.says(".question", "How far to the left of its line")
     answer("")
-    for _ in range(2):
+    for first in (True, False):
         there(page, ".calibrate .hold")
         _, turned = run()
+        if first:
+            page.says(".question", "To which side did it turn")
+            answer("1")
         answer(f"{turned - 360.0:.3f}".replace(".", ","))
     page.says(".calibrate", "It is written.")
     file = bench.robot.folder / "calibration.toml"
@@ -220,7 +223,7 @@ def test_a_calibration_by_tape_through_the_page_writes_the_true_size(
 
 MEASURED = {
     "straight": ("length", "left"),
-    "turn": ("beyond",),
+    "turn": ("side", "beyond"),
     "sideways": ("length",),
     "square": ("ahead", "left", "heading"),
 }

@@ -121,9 +121,9 @@ class BenchClient:
                 command_m_s=heard.commands[-1],
             )
 
-    def on(self, message: type[EventSample], callback: Callable[[EventSample], object]) -> None:
-        del message
-        self._callbacks.append(callback)
+    def on(self, message: type[Any], callback: Callable[[Any], object]) -> None:
+        if message is EventSample:
+            self._callbacks.append(callback)
 
     def newest(self, message: type[StatusSample]) -> StatusSample:
         del message
@@ -199,6 +199,7 @@ class TapeAndMarks:
             "ahead": 1e3 * (cos * dx + sin * dy),
             "left": 1e3 * (cos * dy - sin * dx),
             "heading": math.degrees(math.remainder(turned, 2.0 * math.pi)),
+            "side": 1.0 if turned > 0.0 else 2.0,
             "beyond": math.degrees(abs(turned)) - 360.0 * self._turns,
         }[question.name]
 

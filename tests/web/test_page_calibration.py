@@ -530,14 +530,14 @@ async def test_while_the_result_is_calculated_the_server_serves_pages(tmp_path: 
 
     async with led(tmp_path) as robot:
         robot.begin(**{"dry-run": True})
-        for name in ("length", "left", "beyond", "beyond"):
+        for name in ("length", "left", "side", "beyond", "beyond"):
             await robot.bench.until(lambda: robot.question["id"])
             await robot.hold(lambda: robot.question["kind"] == "number")
             asked = robot.question
             assert asked["name"] == name
             turns = 0
             serving = asyncio.create_task(turn())
-            robot.wizard.answer(PAGE, asked["id"], {"length": "1.0"}.get(name, "0"))
+            robot.wizard.answer(PAGE, asked["id"], {"length": "1.0", "side": "1"}.get(name, "0"))
             while robot.question == asked and not robot.shown["result"]:
                 await asyncio.sleep(0)
             serving.cancel()

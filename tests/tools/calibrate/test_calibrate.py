@@ -76,8 +76,10 @@ async def test_a_straight_and_turns_give_the_true_size_to_the_file_that_the_daem
     way_m = math.hypot(end.x - begin.x, end.y - begin.y)
     await asked.answer("How far did it truly go", f"{way_m:.4f}")
     await asked.answer("How far to the left")
-    for _ in range(2):
-        begin, end = await asked.moved(robot, "How many degrees beyond")
+    for question in ("To which side did it turn", "How many degrees beyond"):
+        begin, end = await asked.moved(robot, question)
+        if question.startswith("To"):
+            await asked.answer(question, "1")
         beyond = math.degrees(abs(end.theta - begin.theta)) - 360.0
         await asked.answer("How many degrees beyond", f"{beyond:.3f}")
     assert await asked.process.ended() == 0, asked.process.screen

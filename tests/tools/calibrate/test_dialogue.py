@@ -22,6 +22,8 @@ from yahboomd.tools.calibrate.hold import HeldButton
 TRUE_RADIUS_M, TRUE_TRACK_M = 0.0345, 0.162
 """Configured are 0.0335 and 0.150."""
 
+BEYOND = [("side", "1"), ("beyond", "3"), ("beyond", "3")]
+
 
 def test_progress_is_reported_now_and_then_and_at_the_end() -> None:
     told: list[dict[str, Any]] = []
@@ -70,8 +72,8 @@ async def test_a_whole_calibration_is_asked_for_in_messages_and_led_by_answers(
             return await asked(question["id"])
 
         question = await asked("")
-        assert question["bounds"] == {"distance_m": 1.0, "turn_rad": 0.0, "time_s": 8.8}
-        assert "It moves 1 m, for at most 9 s." in question["text"]
+        assert question["bounds"] == {"distance_m": 1.0, "turn_rad": 0.0, "time_s": 13.8}
+        assert "It moves 1 m, for at most 14 s." in question["text"]
         # Holds that are late, and of no question.
         for _ in range(20):
             dialogue.press(question["id"], bench.clock.now_ns() - 400_000_000)
@@ -91,7 +93,7 @@ async def test_a_whole_calibration_is_asked_for_in_messages_and_led_by_answers(
             assert dialogue.answer(question["id"], wrong)
             question = await asked(question["id"])
             assert question["wrong"].startswith("A number of metres near 1.0")
-        for name, text in (("length", "1.03"), ("left", ""), ("beyond", "3"), ("beyond", "3")):
+        for name, text in (("length", "1.03"), ("left", ""), *BEYOND):
             if question["kind"] == "hold":
                 question = await held(question)
             assert question["name"] == name

@@ -11,13 +11,15 @@ import pytest
 from bench_client import BenchClient, TapeAndMarks, calibrated
 from robot_bench import RobotBench
 
+from yahboomd.core.config import read
+from yahboomd.core.errors import Refused
 from yahboomd.core.model import Pose2d
-from yahboomd.simulation.options import SimulationOptions
+from yahboomd.simulation.options import PLAIN_GAIN, SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 from yahboomd.tools.calibrate.choices import SquareRuns, TapeRuns
 from yahboomd.tools.calibrate.shapes import LegDriver
 from yahboomd.tools.calibrate.wizard import MeasuredRuns
-from yahboomd.tools.terminal.asking import LargestMove
+from yahboomd.tools.terminal.asking import LargestMove, Number
 
 SIZE = {"wheel_radius_m": 0.0345, "wheel_separation_m": 0.162}
 """Configured are 0.0335 and 0.150."""
@@ -83,7 +85,7 @@ async def test_a_run_in_which_the_board_reset_itself_does_not_count(tmp_path: Pa
             driver = LegDriver(client, bench.config, "cmd_vel", clock=bench.clock)  # type: ignore[arg-type]
             await MeasuredRuns(driver, person, choices).by_tape(choices, bend=False)
     assert "This run does not count" in person.announced[1]
-    assert person.asked == ["move", "move", "length", *["move", "beyond"] * 2]
+    assert person.asked == ["move", "move", "length", "move", "side", "beyond", "move", "beyond"]
 
 
 @pytest.mark.nightly
@@ -117,7 +119,8 @@ async def test_a_mecanum_base_goes_to_both_sides_and_gets_three_multipliers(tmp_
     async with RobotBench(tmp_path, base, robot) as bench:
         await bench.ready()
         person = await calibrated(bench, choices, tmp_path)
-    assert person.asked[1::2] == ["length", "beyond", "beyond", "length", "length"]
+    asked = [name for name in person.asked if name != "move"]
+    assert asked == ["length", "side", "beyond", "beyond", "length", "length"]
     assert person.runs[-2:] == ["sideways left", "sideways right"]
     assert person.facts["refused"] == []
     found: dict[str, Any] = person.facts["chassis"]
@@ -126,3 +129,44 @@ async def test_a_mecanum_base_goes_to_both_sides_and_gets_three_multipliers(tmp_
     assert found["sideways_multiplier"] == pytest.approx(0.87, rel=5e-3)
     written = (tmp_path / "calibration.toml").read_text()
     assert f"sideways_multiplier = {found['sideways_multiplier']}" in written
+
+
+class _SaysRight(TapeAndMarks):
+    """A person who saw it turn to the right."""
+
+    async def number(self, question: Number) -> float:
+        return 2.0 if question.name == "side" else await super().number(question)
+
+
+@on_virtual_time
+async def test_a_turn_to_the_other_side_is_refused_and_names_the_exchanged_plugs(
+    tmp_path: Path,
+) -> None:
+    async with RobotBench(tmp_path) as bench:
+        await bench.ready()
+        choices = TapeRuns(straight_m=0.3, speed_m_s=0.4, turns=1, turn_speed_rad_s=2.0)
+        async with BenchClient(bench) as client:
+            driver = LegDriver(client, bench.config, "cmd_vel", clock=bench.clock)  # type: ignore[arg-type]
+            person = _SaysRight(lambda: truth(bench), 1)
+            with pytest.raises(Refused, match="left and the right motors are exchanged"):
+                await MeasuredRuns(driver, person, choices).by_tape(choices, bend=False)
+        assert driver.gyro_rad == 0.0
+
+
+@pytest.mark.parametrize("stick", [1.0, 1.2])
+@on_virtual_time
+async def test_the_speed_at_which_wheels_begin_to_turn_is_written_and_read(
+    tmp_path: Path, stick: float
+) -> None:
+    robot = SimulationOptions(motor_dead_zone=1600, sticks=(stick,), loop_gain=PLAIN_GAIN)
+    choices = TapeRuns(straight_m=1.0, speed_m_s=0.3, turns=1, turn_speed_rad_s=3.0)
+    async with RobotBench(tmp_path, (), robot) as bench:
+        await bench.ready()
+        await calibrated(bench, choices, tmp_path)
+    file = f"chassis.calibration_file={tmp_path / 'calibration.toml'}"
+    chassis = read(None, environ={}, overrides=[file]).config.chassis
+    if stick == 1.0:
+        assert 0.0 < chassis.break_away_linear_m_s < 0.05
+    else:
+        assert 0.05 < chassis.break_away_linear_m_s < 0.15
+        assert 0.6 < chassis.break_away_angular_rad_s < 2.0

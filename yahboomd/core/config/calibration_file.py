@@ -19,6 +19,8 @@ LARGEST_BYTES = 100_000
 
 Multiplier: TypeAlias = Annotated[float, Bounds({"ge": 0.1, "le": 10.0})]
 
+Speed: TypeAlias = Annotated[float, Bounds({"ge": 0.0, "le": 6.0})]
+
 
 class Geometry(Section):
     """The robot that a calibration was made for, as configured."""
@@ -38,6 +40,9 @@ class Multipliers(Section):
     wheel_separation_multiplier: Multiplier
     sideways_multiplier: Multiplier | None = None
     """Only of a mecanum base."""
+    break_away_linear_m_s: Speed | None = None
+    break_away_angular_rad_s: Speed | None = None
+    """Only if they were measured: not by hand."""
 
 
 class Calibration(Section):

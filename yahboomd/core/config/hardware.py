@@ -362,11 +362,24 @@ class Chassis(Section):
         description="Calibration of the way to the side of a mecanum base, for each metre that its "
         "wheels count; slip of the rollers makes it 0.8 to 0.95.",
     )
+    break_away_linear_m_s: float = key(
+        default=0.0,
+        ge=0.0,
+        le=1.0,
+        description="The slowest speed at which the base begins to drive on its floor, in m/s, "
+        "as `yahboomd calibrate tape` measures it: moves begin and end with it. 0: unknown.",
+    )
+    break_away_angular_rad_s: float = key(
+        default=0.0,
+        ge=0.0,
+        le=6.0,
+        description="The same for turns in place, in rad/s.",
+    )
     calibration_file: AnyPath = key(
         default="",
-        description="The file that `yahboomd calibrate` writes and that goes over the three "
-        "multipliers. Empty: calibration.toml in the state directory, /var/lib/yahboomd for the "
-        "service.",
+        description="The file that `yahboomd calibrate` writes and that goes over the "
+        "multipliers and the break-away speeds. Empty: calibration.toml in the state directory, "
+        "/var/lib/yahboomd for the service.",
     )
     motors: dict[str, MotorEntries] = key(
         default={"left": (MotorEntry(position=1),), "right": (MotorEntry(position=3),)},

@@ -88,7 +88,8 @@ async def calibrate(
             "A mecanum base is calibrated by tape: its slip hides the ratio of the wheels. "
             "`yahboomd calibrate tape`"
         )
-    measured = MeasuredRuns(LegDriver(robot, config, source, hold, clock), person, choices)
+    driver = LegDriver(robot, config, source, hold, clock)
+    measured = MeasuredRuns(driver, person, choices)
     beside: list[SidewaysRun] = []
     if isinstance(choices, TapeRuns):
         # The rollers of a mecanum base bend it, too.
@@ -121,6 +122,7 @@ async def calibrate(
         runs=runs,
         sideways=to_the_side,
         sideways_runs=beside,
+        break_away=driver.break_away,
         dry_run=choices.dry_run,
         person=person,
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import datetime
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from yahboomd.tools.calibrate.estimates.sideways import Sideways, SidewaysRun
     from yahboomd.tools.terminal.asking import Person
 
+NO_RAMPS: Mapping[str, float] = {}
+
 
 async def conclude(
     fit: Fit,
@@ -31,6 +34,7 @@ async def conclude(
     runs: Sequence[Run] = (),
     sideways: Sideways | None = None,
     sideways_runs: Sequence[SidewaysRun] = (),
+    break_away: Mapping[str, float] = NO_RAMPS,
     dry_run: bool,
     person: Person,
 ) -> None:
@@ -46,7 +50,9 @@ async def conclude(
     from yahboomd.tools.stop.unresponsive import restarting
 
     count = len(runs) + len(sideways_runs)
-    calibration = made_of(fit, config, method=method, runs=count, sideways=sideways)
+    calibration = made_of(
+        *(fit, config), method=method, runs=count, sideways=sideways, break_away=break_away
+    )
     wrong = doubts(
         fit,
         skid_steer=config.kinematics().sides,
@@ -118,7 +124,13 @@ def ratio_of(config: Config) -> float:
 
 
 def made_of(
-    fit: Fit, config: Config, *, method: str, runs: int, sideways: Sideways | None = None
+    fit: Fit,
+    config: Config,
+    *,
+    method: str,
+    runs: int,
+    sideways: Sideways | None = None,
+    break_away: Mapping[str, float] = NO_RAMPS,
 ) -> Calibration:
     """The calibration file's contents."""
     from yahboomd.core.config.calibration_file import Calibration, Multipliers, geometry_of
@@ -142,6 +154,8 @@ def made_of(
             wheel_radius_multiplier=radii,
             wheel_separation_multiplier=round(track, 6),
             sideways_multiplier=None if sideways is None else round(sideways.factor, 6),
+            break_away_linear_m_s=round(break_away.get("ways", 0.0), 3) or None,
+            break_away_angular_rad_s=round(break_away.get("turns", 0.0), 2) or None,
         ),
         before=Multipliers(
             wheel_radius_multiplier={
@@ -149,6 +163,8 @@ def made_of(
             },
             wheel_separation_multiplier=chassis.wheel_separation_multiplier,
             sideways_multiplier=None if sideways is None else chassis.sideways_multiplier,
+            break_away_linear_m_s=chassis.break_away_linear_m_s or None,
+            break_away_angular_rad_s=chassis.break_away_angular_rad_s or None,
         ),
     )
 
@@ -174,6 +190,11 @@ def _table(fit: Fit, calibration: Calibration, sideways: Sideways | None) -> str
         lines.append(
             f"{'sideways':<20}{before.sideways_multiplier or 1.0:<12.5f}"
             f"{sideways.factor:<12.5f}{_percent(sideways.std)}"
+        )
+    if after.break_away_linear_m_s is not None and after.break_away_angular_rad_s is not None:
+        lines.append(
+            f"Begins to drive at {after.break_away_linear_m_s:g} m/s, and to turn at "
+            f"{after.break_away_angular_rad_s:g} rad/s."
         )
     lines.append(f"{'right over left':<32}{fit.factors.ratio:<12.5f}{_percent(fit.std.ratio)}")
     lines.append(f"Remaining errors: {calibration.residual}.")

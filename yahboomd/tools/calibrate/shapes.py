@@ -10,7 +10,7 @@ import numpy as np
 
 from yahboomd.core.clock import Clock, PauseWatch, SystemClock, nanoseconds, seconds
 from yahboomd.core.errors import NoDaemon, Refused
-from yahboomd.core.messages.native import EventSample, StatusSample, WheelsSample
+from yahboomd.core.messages.native import EventSample, ImuSample, StatusSample, WheelsSample
 from yahboomd.core.model import NS_PER_S
 from yahboomd.tools.calibrate.estimates.runs import Floats
 from yahboomd.tools.robot.obedience import Obedience
@@ -32,6 +32,13 @@ HUNTS_M = 0.002
 """A board that holds its wheels may hunt by a few counts: 8 on the vendor's firmware, 1.3 mm."""
 
 STANDS_WITHIN_NS = 20 * NS_PER_S
+
+RAMP_S = 5.0
+"""How long the speed of a leg that looks for the break-away takes to grow to the leg's, unless all
+wheels count before."""
+
+BEGUN_COUNTS = 3
+"""A wheel that counted more has begun to turn: an edge of the encoder may flicker."""
 
 MOST_COUNTS = 200_000
 """The most readings of the wheels in a run by hand: an hour at 50 Hz, 40 MB."""
@@ -93,9 +100,13 @@ class Leg:
         wz: Counter-clockwise, rad/s.
         amount: Metres, or radians.
         vy: To the left, m/s.
+        ramps: Begin slowly, to find the break-away: the speed at which all wheels turn.
     """
 
-    def __init__(self, vx: float, wz: float, amount: float, *, vy: float = 0.0) -> None:
+    def __init__(
+        self, vx: float, wz: float, amount: float, *, vy: float = 0.0, ramps: bool = False
+    ) -> None:
+        self.ramps = ramps
         self.vx = vx
         self.vy = vy
         self.wz = wz
@@ -104,7 +115,8 @@ class Leg:
     @property
     def limit_s(self) -> float:
         """The longest time that it may take, ramps and a weak battery included."""
-        return 1.5 * self.amount / max(abs(self.vx), abs(self.vy), abs(self.wz)) + 5.0
+        more_s = RAMP_S if self.ramps else 0.0
+        return 1.5 * self.amount / max(abs(self.vx), abs(self.vy), abs(self.wz)) + 5.0 + more_s
 
     def done(
         self, left_m: float, right_m: float, separation_m: float, *, to_the_left_m: float = 0.0
@@ -151,6 +163,12 @@ class LegDriver:
         self._samples: Samples[WheelsSample] = robot.samples(WheelsSample, depth=4096)
         self._lost = ""
         robot.on(EventSample, self._notice)
+        robot.on(ImuSample, self._turn)
+        self._gyro_ns: int | None = None
+        self.gyro_rad = 0.0
+        """The turn since :meth:`begin` by the gyro; 0 without one."""
+        self.break_away = dict.fromkeys(("ways", "turns"), 0.0)
+        """The speeds at which all wheels had begun to turn, the largest of the ramps; 0: none."""
         self._ticks: list[tuple[int, ...]] = []
         self._stood: tuple[int, ...] | None = None
         self._stamp_ns = self._changed_ns = 0
@@ -159,6 +177,13 @@ class LegDriver:
     def _notice(self, event: EventSample) -> None:
         if event.kind == "odometry_discontinuity":
             self._lost = event.message
+
+    def _turn(self, sample: ImuSample) -> None:
+        since_ns = 0 if self._gyro_ns is None else sample.stamp_ns - self._gyro_ns
+        self._gyro_ns = sample.stamp_ns
+        if 0 < since_ns < NS_PER_S // 5:
+            turn = sample.gyro_rad_s[2] - sample.gyro_bias_rad_s
+            self.gyro_rad += turn * seconds(since_ns)
 
     def bounds(self, legs: Sequence[Leg]) -> LargestMove:
         """The most that the robot moves in these legs."""
@@ -195,7 +220,7 @@ class LegDriver:
             await self._gather_until(asked, kept=False)
         await self._rest()
         del self._ticks[:-1]
-        self._lost = ""
+        self._lost, self.gyro_rad = "", 0.0
 
     async def _gather_until(self, asked: Coroutine[Any, Any, None], *, kept: bool) -> None:
         waiting = asyncio.create_task(asked)
@@ -249,6 +274,9 @@ class LegDriver:
                 command.go_on()
                 sides = await self._next()
                 ticks = [first, self._ticks[-1]]
+                if command.ramps and min(map(abs, map(int.__sub__, *ticks))) > BEGUN_COUNTS:
+                    self._found(leg, command.share())
+                    command.ramps = False
                 left, right = map(float, np.concatenate(sides.travel(ticks)))
                 beside = float(sides.to_the_left(ticks)[0])
                 done = leg.done(left, right, sides.separation_m, to_the_left_m=beside) / leg.amount
@@ -269,6 +297,11 @@ class LegDriver:
         await self._rest()
         if self._lost:
             raise Interrupted(self._lost)
+
+    def _found(self, leg: Leg, share: float) -> None:
+        name = "turns" if leg.wz else "ways"
+        speed = share * abs(leg.wz or leg.vx)
+        self.break_away[name] = max(self.break_away[name], speed)
 
     async def by_hand(self, asked: Coroutine[Any, Any, None]) -> None:
         """Gather counts while the person moves the robot, until they confirm that it is done."""
@@ -296,6 +329,8 @@ class _LegCommand:
     """The command of one leg: it ends with the leg's time, and with the person's hold."""
 
     def __init__(self, robot: AsyncRobot, leg: Leg, hold: HeldButton | None, clock: Clock) -> None:
+        self.ramps = leg.ramps
+        self._begun_ns = clock.now_ns()
         self._clock = clock
         self._robot = robot
         self._leg = leg
@@ -303,7 +338,18 @@ class _LegCommand:
         self._ends_ns = clock.now_ns() + nanoseconds(leg.limit_s)
         self._pauses = PauseWatch(clock, nanoseconds(STILL_S))
         if hold is None:
-            robot.drive(leg.vx, leg.wz, vy=leg.vy, for_s=leg.limit_s)
+            self._drive(leg.limit_s)
+
+    def share(self) -> float:
+        """The share of the leg's speed that is commanded."""
+        if not self.ramps:
+            return 1.0
+        return min(1.0, seconds(self._clock.now_ns() - self._begun_ns) / RAMP_S)
+
+    def _drive(self, for_s: float) -> None:
+        leg, share = self._leg, self.share()
+        self._robot.drive(share * leg.vx, share * leg.wz, vy=share * leg.vy, for_s=for_s)
+        self._driven = share
 
     def go_on(self) -> None:
         """Continue the command.
@@ -325,15 +371,16 @@ class _LegCommand:
             # A hold from before a pause, such as a suspend, must not drive on.
             if self._pauses.detect() is not None:
                 raise Interrupted(LOST)
-            leg = self._leg
-            self._robot.drive(leg.vx, leg.wz, vy=leg.vy, for_s=min(held_s, left_s))
+            self._drive(min(held_s, left_s))
         elif self._robot.commanded is None:
             raise Interrupted(LOST)
+        elif self._driven < 1.0:
+            self._drive(left_s)
 
 
-def straight(metres: float, speed: float) -> list[Leg]:
+def straight(metres: float, speed: float, *, ramps: bool = False) -> list[Leg]:
     """One straight."""
-    return [Leg(speed, 0.0, metres)]
+    return [Leg(speed, 0.0, metres, ramps=ramps)]
 
 
 def sideways(metres: float, speed: float) -> list[Leg]:
@@ -343,7 +390,7 @@ def sideways(metres: float, speed: float) -> list[Leg]:
 
 def turns(radians: float, speed: float) -> list[Leg]:
     """Turns in place; negative is clockwise."""
-    return [Leg(0.0, speed if radians > 0.0 else -speed, abs(radians))]
+    return [Leg(0.0, speed if radians > 0.0 else -speed, abs(radians), ramps=True)]
 
 
 def square(side: float, speed: float, turn_speed: float, *, left: bool) -> list[Leg]:

@@ -37,6 +37,14 @@ BEYOND = Number(
     wrong="A number of degrees, such as 12.5 or -8.",
     blank=0.0,
 )
+SIDE = Number(
+    "side",
+    "To which side did it turn, seen from above? 1: to the left, 2: to the right (empty: left)",
+    unit="1 or 2",
+    good=lambda value: value in {1.0, 2.0},
+    wrong="1 for the left, or 2 for the right.",
+    blank=1.0,
+)
 HEADING = Number(
     *("heading", "How many degrees to the left does it point? (empty: not measured)", "deg"),
     good=lambda value: abs(value) <= 360.0,
@@ -81,11 +89,28 @@ class MeasuredRuns:
                 turns(whole, options.turn_speed_rad_s),
                 f"Turn {options.turns:g} times to the {way}: mark the direction of the robot.",
             )
+            if left:
+                await self._check_side(whole)
             beyond = await self._person.number(BEYOND)
             assert beyond is not None
             measured = whole + math.copysign(1.0, whole) * math.radians(beyond)
             runs.append(self._run("turn", (measured,), (ANGLE_STD_RAD,)))
         return runs
+
+    async def _check_side(self, whole: float) -> None:
+        """Ask which way it turned, unless the gyro saw it turn to the left.
+
+        Raises:
+            Refused: To the other side: left and right motors are exchanged.
+        """
+        if self._choices.by_hand or self._driver.gyro_rad > 0.5 * whole:
+            return
+        if await self._person.number(SIDE) == 2.0:
+            raise Refused(
+                "It turned to the right where a turn to the left was commanded: the plugs of the "
+                "left and the right motors are exchanged. Nothing was written. Compare the plugs "
+                "with [chassis] in the configuration, or run `yahboomd setup` again."
+            )
 
     async def sideways(self, side_m: float) -> list[SidewaysRun]:
         """Runs of a mecanum base to either side."""
@@ -142,7 +167,7 @@ class MeasuredRuns:
         metres = self._choices.straight_m
         await self._move(
             "straight",
-            straight(metres, self._choices.speed_m_s),
+            straight(metres, self._choices.speed_m_s, ramps=not heading),
             f"A straight of {metres:g} m: mark the robot's place.",
         )
         left_m, right_m, _ = self._driver.gathered()
