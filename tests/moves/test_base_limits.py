@@ -8,7 +8,9 @@ import pytest
 
 from yahboomd.client.move_messages import Move
 from yahboomd.core.config import read
+from yahboomd.core.model import Pose2d
 from yahboomd.moves.motion.base_limits import base_of, turn_limits, way_limits
+from yahboomd.moves.motion.move_plan import MoveRefused, plan
 
 
 def config(*overrides: str) -> dict:
@@ -60,3 +62,15 @@ def test_a_car_has_its_tightest_curve() -> None:
     base = base_of(config(*wheels, "chassis.steering_max_rad=0.5"))
     assert base.least_radius_m == pytest.approx(0.2 / math.tan(0.5))
     assert not base.turns
+
+
+def test_a_move_whose_speed_does_not_start_the_robot_is_refused_before_it_begins() -> None:
+    known = ("chassis.break_away_linear_m_s=0.12", "chassis.break_away_angular_rad_s=0.35")
+    base = base_of(config(*known))
+    slow = Move(kind="turn", angle_rad=1.0, turn_rad_s=0.3)
+    with pytest.raises(MoveRefused, match=r"does not begin to turn below 0\.35 rad/s.*turn_rad_s"):
+        plan([slow], Pose2d(), base)
+    with pytest.raises(MoveRefused, match=r"does not begin to drive below 0\.12 m/s"):
+        plan([Move(kind="straight", distance_m=1.0, speed_m_s=0.1)], Pose2d(), base)
+    assert plan([Move(kind="turn", angle_rad=1.0, speed_m_s=0.1)], Pose2d(), base)
+    assert plan([slow], Pose2d(), base_of(config()))

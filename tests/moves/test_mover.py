@@ -17,6 +17,7 @@ from yahboomd.moves.motion.move_plan import MoveRefused
 from yahboomd.moves.motion.mover import Mover
 from yahboomd.moves.motion.speed_profile import SpeedLimits
 from yahboomd.simulation.motors import MotorFaults
+from yahboomd.simulation.options import PLAIN_GAIN
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 WAVE = tuple((0.02 * i, 0.15 * math.sin(0.08 * i)) for i in range(1, 70))
@@ -25,6 +26,7 @@ BASE = Base(
     turn=SpeedLimits(speed=6.0, acceleration=12.0, braking=24.0, jerk=math.inf),
 )
 STEP_NS = 20_000_000
+STICKS = [(10.5, 90.0), (12.0, 90.0), (12.0, 10.0), (10.5, 10.0)]
 
 
 async def drive(bench: MoveBench, *moves: Move) -> Drive:
@@ -69,6 +71,47 @@ async def test_moves_end_where_they_should(tmp_path: Path, preset: str, lag_s: f
         assert home.time_s <= home.ideal_s + 3.0 * lag_s + 0.6
         for each in (straight, back):
             assert each.time_s <= each.ideal_s + 3.0 * lag_s + 0.7
+
+
+STICKING = {
+    "rated_volts": 12.0,
+    "motor_dead_zone": 1440,
+    "friction_scales": (1.05, 1.075, 0.975, 1.0),
+    "sticks": (1.2,),
+    "loop_gain": PLAIN_GAIN,
+}
+"""The floor of an X3: 47 to 52 % of full output at 12 V begins to turn a wheel."""
+
+
+@pytest.mark.parametrize(
+    ("volts", "degrees"),
+    [(10.5, -10.0), *(pytest.param(*case, marks=pytest.mark.nightly) for case in STICKS)],
+)
+@on_virtual_time
+async def test_a_turn_ends_at_its_goal_where_the_wheels_stick(
+    tmp_path: Path, volts: float, degrees: float
+) -> None:
+    """A correction lasts until the counts begin: a pulse is over before."""
+    async with MoveBench(tmp_path, "x3", 0.06, battery_volts=volts, **STICKING) as bench:
+        await bench.ready()
+        await asyncio.sleep(0.5)
+        turn = await drive(bench, Move(kind="turn", angle_rad=math.radians(degrees)))
+        assert math.degrees(turn.turned_rad) == pytest.approx(degrees, abs=1.0)
+        assert turn.ended.message.endswith(f"to the {'left' if degrees > 0.0 else 'right'}.")
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("volts", [10.5, 12.0])
+@on_virtual_time
+async def test_a_straight_that_sticking_wheels_bend_ends_with_its_heading(
+    tmp_path: Path, volts: float
+) -> None:
+    async with MoveBench(tmp_path, "x3", 0.06, battery_volts=volts, **STICKING) as bench:
+        await bench.ready()
+        await asyncio.sleep(0.5)
+        straight = await drive(bench, Move(kind="straight", distance_m=0.4))
+        assert straight.ahead_m == pytest.approx(0.4, abs=0.01)
+        assert abs(straight.turned_rad) < math.radians(3.5)
 
 
 @pytest.mark.nightly

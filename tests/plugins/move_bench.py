@@ -74,10 +74,16 @@ class MoveBench(RobotBench):
         preset: ``2wd``, ``4wd`` or ``mecanum``; or a model of a Rosmaster board: ``x3``, ``x1``, or
             ``r2``, the car that steers.
         lag_s: The time constant of its motors.
+        more: Of the configuration, as for ``--set``.
     """
 
     def __init__(
-        self, folder: Path, preset: str = "2wd", lag_s: float = 0.1, **simulation: object
+        self,
+        folder: Path,
+        preset: str = "2wd",
+        lag_s: float = 0.1,
+        more: Sequence[str] = (),
+        **simulation: object,
     ) -> None:
         drive, overrides = PRESETS.get(preset, ""), [f"chassis.preset={preset}"]
         options: dict[str, Any] = {}
@@ -112,7 +118,7 @@ class MoveBench(RobotBench):
             **options,
             **simulation,
         }
-        super().__init__(folder, overrides, SimulationOptions(**options))
+        super().__init__(folder, [*overrides, *more], SimulationOptions(**options))
         self.lag = LagModel()
         self.uncertain_m = UNCERTAIN_M
         self._watched = 0
@@ -152,8 +158,8 @@ class MoveBench(RobotBench):
         newest = self.heard.estimates[-1]
         for sample in self.heard.imu_estimates[self._watched :]:
             turn = sample.reading.gyro_rad_s[2] - sample.bias_rad_s
-            if mover.watch.slips(newest.twist.wz, turn, sample.stamp_ns):
-                mover.end("slipping", "The wheels turn, and the gyro does not.")
+            if differs := mover.watch.disagree(newest.twist.wz, turn, sample.stamp_ns):
+                mover.end(*differs)
         self._watched = len(self.heard.imu_estimates)
         if mover.watch.uncertain(newest.pose_covariance, self.uncertain_m):
             mover.end("uncertain", "The place is uncertain.")

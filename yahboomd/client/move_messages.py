@@ -48,6 +48,7 @@ Reason: TypeAlias = Literal[
     "pose_changed",
     "blocked",
     "slipping",
+    "exchanged",
     "uncertain",
     "not_obeyed",
     "short",

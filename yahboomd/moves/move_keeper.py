@@ -259,8 +259,8 @@ class MoveKeeper:
         if running is None:
             return
         turn = sample.gyro_rad_s[2] - sample.gyro_bias_rad_s
-        if running.mover.watch.slips(self._wheels_rad_s, turn, now_ns):
-            self.end("slipping", "The wheels turn, and the gyro does not see the base turn.")
+        if differs := running.mover.watch.disagree(self._wheels_rad_s, turn, now_ns):
+            self.end(*differs)
 
     def pose(self, pose: PoseSample, now_ns: int) -> None:
         """Command the next velocity for a new pose."""

@@ -29,12 +29,14 @@ class Base(msgspec.Struct, frozen=True, kw_only=True):
         least_radius_m: The tightest curve of a car that steers; 0 for a base that turns in place.
         way: The configured limits of the speed; ``inf`` for none.
         turn: The same for turns.
+        slowest: The slowest speed that starts it ahead, to the left and turning; 0 if unknown.
     """
 
     holonomic: bool = False
     least_radius_m: float = 0.0
     way: SpeedLimits
     turn: SpeedLimits
+    slowest: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property
     def turns(self) -> bool:
@@ -51,7 +53,11 @@ def base_of(config: Mapping[str, Any]) -> Base:
     if kinematics in KINEMATICS and unit_geometry(kinematics).least_radius_m:
         steering = chassis.get("steering_max_rad") or math.pi / 4.0
         radius = float(chassis["wheel_base_m"]) / math.tan(steering)
+    way, turn = (
+        float(chassis.get(f"break_away_{name}", 0.0)) for name in ("linear_m_s", "angular_rad_s")
+    )
     return Base(
+        slowest=(way, way, turn),
         holonomic=holonomic,
         least_radius_m=radius,
         way=_configured(limits["linear"]),

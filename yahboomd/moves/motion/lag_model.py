@@ -48,6 +48,13 @@ WINDOW_S = 0.1
 """Ways are compared over this time: counts and stamps blur shorter ones."""
 
 LEAST_WAY = 0.002
+STOOD_S, STANDS_S = 0.35, 0.1
+"""A base that did not move for the first time has nothing under way: its wheels stick, or it came
+to rest. After the second it stands."""
+
+STIRS_M, STIRS_RAD = 0.001, 0.006
+"""A base that moves by less stands."""
+
 SHARPNESS = 3.0
 """A model with half the squared error of another has eight times its weight."""
 
@@ -73,6 +80,11 @@ class _Wheels:
     @property
     def lag_s(self) -> float:
         return STEP_S / (self._integral if self._gain else self._share)
+
+    def rest(self) -> None:
+        """Stand, with nothing under way."""
+        for each in (self._speed, self._sum, self._error, self.under_way, self.window):
+            each[:] = (0.0, 0.0, 0.0)
 
     def peak(self, axis: int) -> float:
         """The extreme of the way from here, if the command is zero from now on.
@@ -115,6 +127,8 @@ class LagModel:
     """The commands under way, by the models that fit the poses."""
 
     def __init__(self) -> None:
+        self.slowest: Way = [0.0, 0.0, 0.0]
+        """The slowest speed that starts the base, along each axis; 0 if it is unknown."""
         self._twist = (0.0, 0.0, 0.0)
         self._late = [self._twist] * round(TRANSPORT_S / STEP_S)
         self._on_the_wire: Way = [0.0, 0.0, 0.0]
@@ -130,27 +144,46 @@ class LagModel:
         self._judged_s = 0.0
         self._seen: Way = [0.0, 0.0, 0.0]
         self._pose: Pose2d | None = None
+        self._anchor: Pose2d | None = None
+        self._unseen_s = 0.0
+        self.stood_s = 0.0
+        """How long it has not moved, from the latest command that was not zero after a zero."""
+
+    @property
+    def sticks(self) -> bool:
+        """Whether it stood so long that nothing is under way, whatever is commanded."""
+        return self.stood_s > STOOD_S
+
+    @property
+    def stands(self) -> bool:
+        """Whether it stands."""
+        return self.stood_s > STANDS_S
 
     def command(self, twist: Twist2d) -> None:
         """The velocity that is commanded from now on."""
+        begins = not any(self._twist)
         self._twist = (twist.vx, twist.vy, twist.wz)
+        if begins and any(self._twist):
+            self.stood_s = 0.0
 
     def advance(self, dt_s: float) -> None:
         """Let time pass with the present command."""
         self._rest_s += dt_s
+        self._unseen_s += dt_s
         while self._rest_s >= STEP_S:
             self._rest_s -= STEP_S
             self._window_s += STEP_S
-            self._late.append(self._twist)
+            self._late.append((0.0, 0.0, 0.0) if self.sticks else self._twist)
             late = self._late.pop(0)
             for axis in range(3):
-                self._on_the_wire[axis] += STEP_S * (self._twist[axis] - late[axis])
+                self._on_the_wire[axis] += STEP_S * (self._late[-1][axis] - late[axis])
             for model in self._models:
                 model.advance(late)
 
     def seen(self, pose: Pose2d) -> None:
         """Compare the way to a new pose with the ways of the models."""
         before, self._pose = self._pose, pose
+        self._look(pose)
         if before is None:
             return
         turned = pose.theta - before.theta
@@ -159,6 +192,25 @@ class LagModel:
             self._seen[axis] += way
         if self._window_s >= WINDOW_S:
             self._judge()
+
+    def _look(self, pose: Pose2d) -> None:
+        """Notice whether it moves."""
+        anchor, since_s = self._anchor, min(STANDS_S, self._unseen_s)
+        self._unseen_s = 0.0
+        if (
+            anchor is None
+            or math.hypot(pose.x - anchor.x, pose.y - anchor.y) > STIRS_M
+            or abs(pose.theta - anchor.theta) > STIRS_RAD
+        ):
+            self._anchor, self.stood_s = pose, 0.0
+            return
+        began = self.sticks
+        self.stood_s += since_s
+        if self.sticks and not began:
+            for model in self._models:
+                model.rest()
+            self._late = [(0.0, 0.0, 0.0)] * len(self._late)
+            self._on_the_wire = [0.0, 0.0, 0.0]
 
     def _judge(self) -> None:
         moved = math.hypot(*self._seen)

@@ -19,7 +19,7 @@ import msgspec
 
 from yahboomd.core.model import STANDSTILL, Pose2d, Twist2d
 from yahboomd.moves.motion.lag_model import ROLL, LagModel, in_base
-from yahboomd.moves.motion.landing import Landing, Tolerance
+from yahboomd.moves.motion.landing import Landing, Tolerance, pushed
 from yahboomd.moves.motion.move_course import Course, wrapped
 from yahboomd.moves.motion.speed_profile import SpeedLimits, next_speed
 
@@ -41,7 +41,7 @@ WAY = Tolerance(
 TURN = Tolerance(
     end=math.radians(0.15),
     aim=math.radians(0.045),
-    short=math.radians(0.6),
+    short=math.radians(1.0),
     near=math.radians(3.0),
     least=math.radians(0.4),
     still=math.radians(0.09),
@@ -57,8 +57,8 @@ ACROSS_PER_S = 4.0
 ROLLS = 2.0
 """How many times that far a base may still be from the end of a leg when the next one begins."""
 
-KEEP_PER_S, KEEP_M_S = 4.0, 0.06
-"""How fast a base that turns comes back to its place."""
+KEEP_PER_S, KEEP_M_S, KEEPS_M = 4.0, 0.06, 0.05
+"""How fast a base that turns comes back to its place; in corrections, by the turning speed."""
 
 BEND_S = 0.15
 """The time that the turning speed may take to change from one bend to the next."""
@@ -92,6 +92,7 @@ class MoveLeg:
         slack: float,
     ) -> None:
         self.limits = limits
+        self._slowest = max(tolerance.creep, lag.slowest[axis])
         self._last = last
         self._lag = lag
         self._axis: Axis = axis
@@ -99,7 +100,7 @@ class MoveLeg:
         self._speed = 0.0
         self._rate = 0.0
         self._landed = False
-        self._landing = Landing(self._tolerance, lag.rolls[axis])
+        self._landing = Landing(self._tolerance, lag.rolls[axis], lag.slowest[axis], limits.speed)
 
     @property
     def lands(self) -> bool:
@@ -160,7 +161,10 @@ class MoveLeg:
             limits=self.limits,
             landing_per_s=self._lag.landing_per_s,
         )
-        return max(self._speed, min(self._tolerance.creep, left / dt_s))
+        floor = self._tolerance.creep
+        if self._lag.stands:
+            floor = max(floor, pushed(self._slowest, self._lag.stood_s, self.limits.speed))
+        return max(self._speed, min(floor, left / dt_s))
 
     def is_near(self, pose: Pose2d, room: float) -> bool:
         """Whether the base rolls to about its end, and is nearly there.
@@ -219,10 +223,11 @@ class TurnLeg(MoveLeg):
         if not speed:
             return STANDSTILL
         vx = 0.0
-        if not self._landed:
+        if not self._landed or self._lag.rolls[2].sticks:
             dx, dy = self._begin.x - predicted.x, self._begin.y - predicted.y
             ahead, _ = in_base(dx, dy, predicted.theta)
-            vx = max(-KEEP_M_S, min(KEEP_M_S, KEEP_PER_S * ahead))
+            most = min(KEEP_M_S, KEEPS_M * abs(speed)) if self._landed else KEEP_M_S
+            vx = max(-most, min(most, KEEP_PER_S * ahead))
         return Twist2d(vx=vx, wz=self._sign * speed)
 
 

@@ -171,6 +171,7 @@ class _Planner:
         # Written so that a NaN is refused, too.
         if not all(each is None or each >= LEAST_LIMIT for each in limits):
             raise MoveRefused(f"A limit of it below {LEAST_LIMIT:g} is a mistake.")
+        self._check_break_away()
         add = {
             "straight": self._straight,
             "turn": self._turn_by,
@@ -179,6 +180,23 @@ class _Planner:
             "follow": self._follow,
         }[move.kind]
         add()
+
+    def _check_break_away(self) -> None:
+        """Refuse a move whose speed does not start this base."""
+        ways, _, turns = self._base.slowest
+        asked = [
+            ("drive", ways, self._way.speed, "m/s", "speed_m_s", "limits.linear.velocity"),
+            ("turn", turns, self._turn.speed, "rad/s", "turn_rad_s", "limits.angular.velocity"),
+        ]
+        kind = self._move.kind
+        needed = {"straight": asked[:1], "arc": asked[:1], "turn": asked[1:]}.get(kind, asked)
+        for verb, slowest, speed, unit, of_move, limit in needed:
+            if speed < slowest:
+                raise MoveRefused(
+                    f"This robot does not begin to {verb} below {slowest:g} {unit}, as calibrated, "
+                    f"and the move is limited to {speed:g} {unit}: ask for a larger {of_move}, or "
+                    f"raise {limit}."
+                )
 
     # The moves.
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from yahboomd.client.move_messages import Reason
 from yahboomd.core.model import Pose2d, Twist2d
 
-BLOCKED_S = 2.0
-"""A base that hardly moves although it was commanded a way for this time is blocked."""
+BLOCKED_S, STICKS_S = 2.0, 2.0
+"""A base that hardly moves although it was commanded a way for the first time is blocked, if that
+lasts for the second: a board's own loop takes up to 2.3 s to wind up to wheels that stick."""
 
 STARTS_S = 0.5
 """Commands of this last part of it are not counted: a motor with a lag of 0.3 s begins slowly."""
@@ -28,6 +30,12 @@ SLIP_S = 0.6
 SLIP_RAD = 0.12
 SLIP_SHARE = 0.5
 
+EXCHANGED = (
+    "By its wheels the base turns to the {}, and by the gyro to the {}: the plugs of a left and a "
+    "right motor may be exchanged. Compare them with the configuration, or run `yahboomd setup`; "
+    "if the plugs fit, imu.axes does not."
+)
+
 
 class MoveWatch:
     """Watches one list of moves. All times are in monotonic nanoseconds.
@@ -40,6 +48,7 @@ class MoveWatch:
         self._steers = steers
         self._seen: list[tuple[int, Pose2d, float]] = []
         self._commanded = 0.0
+        self._stuck_ns: int | None = None
         self._twist = Twist2d()
         self._variance: float | None = None
         self._turns: list[tuple[int, float, float]] = []
@@ -76,23 +85,28 @@ class MoveWatch:
             return False
         # A base that is slow to start has not obeyed the newest commands yet.
         wanted = max(way for ns, _, way in self._seen if now_ns - ns >= STARTS_S * 1e9) - commanded
-        if wanted <= LEAST_WAY_M:
-            return False
         # The largest distance: a turn to the left and one to the right end at their begin.
-        return SHARE * wanted > max(
+        if wanted <= LEAST_WAY_M or SHARE * wanted <= max(
             math.hypot(each.x - begin.x, each.y - begin.y) + ARM_M * abs(each.theta - begin.theta)
             for _, each, _ in self._seen
-        )
+        ):
+            self._stuck_ns = None
+            return False
+        if self._stuck_ns is None:
+            self._stuck_ns = now_ns
+        return now_ns - self._stuck_ns >= STICKS_S * 1e9
 
-    def slips(self, wheels_rad_s: float, gyro_rad_s: float, now_ns: int) -> bool:
-        """Whether the wheels turn the base without the gyro; call it with every gyro sample.
+    def disagree(
+        self, wheels_rad_s: float, gyro_rad_s: float, now_ns: int
+    ) -> tuple[Reason, str] | None:
+        """How wheels and gyro disagree on a turn, if they do; call it with every gyro sample.
 
         Args:
             wheels_rad_s: The turning speed by the counts.
             gyro_rad_s: The same by the gyro, without its bias.
         """
         if self._steers:
-            return False
+            return None
         wheels = gyro = 0.0
         if self._turns:
             since_s = min(0.1, (now_ns - self._turns[-1][0]) / 1e9)
@@ -102,7 +116,12 @@ class MoveWatch:
         while len(self._turns) > 1 and now_ns - self._turns[1][0] > SLIP_S * 1e9:
             self._turns.pop(0)
         by_wheels, by_gyro = wheels - self._turns[0][1], gyro - self._turns[0][2]
-        return abs(by_wheels) > SLIP_RAD and abs(by_wheels - by_gyro) > SLIP_SHARE * abs(by_wheels)
+        if abs(by_wheels) <= SLIP_RAD or abs(by_wheels - by_gyro) <= SLIP_SHARE * abs(by_wheels):
+            return None
+        if by_gyro * by_wheels < 0.0 and abs(by_gyro) > SLIP_SHARE * abs(by_wheels):
+            sides = ("left", "right") if by_wheels > 0.0 else ("right", "left")
+            return "exchanged", EXCHANGED.format(*sides)
+        return "slipping", "The wheels turn, and the gyro does not see the base turn."
 
     def uncertain(self, covariance: Sequence[float], most_m: float) -> bool:
         """Whether the place became more uncertain than ``most_m`` since the moves began.

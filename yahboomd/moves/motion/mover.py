@@ -25,8 +25,11 @@ CORRECTS_M, CORRECTS_RAD = 0.25, math.radians(60.0)
 """A leg from this length on is passed while the base rolls on, if the next one is as long as this:
 a way corrects a heading, and a turn the place along its first heading."""
 
-OFF_M = 0.01
-"""A base that stands farther from a place did not reach it."""
+OFF_M, OFF_RAD = 0.01, math.radians(3.0)
+"""A base that stands farther from a place, or turned by more from its heading, did not reach it."""
+
+LEAST_M = 0.005
+"""Shorter ways are not told."""
 
 LATE_NS = 60_000_000
 """A correction lasts until the next pose. Of simulated moves whose poses came this late on average,
@@ -77,9 +80,13 @@ class Mover:
         self.ended: MoveEnd | None = None
         self.watch = MoveWatch(steers=not base.turns)
         self._moves = moves
+        self._begin = begin
+        self._base = base
+        self._amends = -1
         self._legs: list[PlannedLeg] = plan(moves, begin, base)
         self._times = [leg.time_s for leg in self._legs]
         self._lag = lag
+        lag.slowest[:] = base.slowest
         self._number = 0
         self._leg: MoveLeg | None = None
         self._paused = False
@@ -126,10 +133,7 @@ class Mover:
         self._lag.seen(pose)
         self._pose = pose
         if self.watch.blocked(pose, now_ns):
-            self.end(
-                "blocked",
-                "The base does not move although it is commanded. Look for an obstacle.",
-            )
+            self.end("blocked", self._blocked())
             return None
         if self._stepped_ns is not None and now_ns - self._stepped_ns < STEP_NS * 0.9:
             return None
@@ -141,6 +145,7 @@ class Mover:
         self._stepped_ns = now_ns
         twist = self._next(pose, since_s)
         if twist is not None:
+            self._twist = twist
             self._lag.command(twist)
             # Pulses of a landing may move nothing: they are counted by the landing.
             lands = self._leg is not None and self._leg.lands
@@ -156,13 +161,59 @@ class Mover:
             passes = room is not None and not self._paused and self._leg.is_near(pose, room)
             if twist is not None and not passes:
                 return twist
-            if not passes and self._is_last and (short_by := self._short_by(self._leg, pose)):
-                self._end_short(short_by)
-                return None
+            if not passes and self._is_last:
+                if short_by := self._short_by(self._leg, pose):
+                    self._end_short(short_by)
+                    return None
+                self._amend(pose)
             self._leg = None
             self._number += 1
-        self.end("reached", "The goal is reached.")
+        self.end("reached", f"The goal is reached: {way_words(self._begin, pose)}.")
         return None
+
+    def _amend(self, pose: Pose2d) -> None:
+        """Turn back to the heading of a way's end, then drive what that turn moved the base.
+
+        Wheels that stick bend a base at the begin and the end of its way.
+        """
+        here = self._legs[self._number]
+        if not self._base.turns or self._moves[here.move].kind not in {"straight", "arc"}:
+            return
+        end, legs = here.end, list[PlannedLeg]()
+        if self._amends != here.move:
+            if abs(self._turned_off(pose)) <= OFF_RAD:
+                return
+            self._amends = here.move
+            legs = [msgspec.structs.replace(here, course=None, headings=(), begin=pose)]
+            legs[0] = msgspec.structs.replace(legs[0], limits=here.turn)
+        elif here.course is None:
+            way = math.cos(end.theta) * (end.x - pose.x) + math.sin(end.theta) * (end.y - pose.y)
+            if abs(way) > OFF_M / 2.0:
+                begin = msgspec.structs.replace(pose, theta=end.theta)
+                (leg,) = plan([Move(kind="straight", distance_m=way)], begin, self._base)
+                legs = [msgspec.structs.replace(leg, move=here.move)]
+        self._legs[self._number + 1 : self._number + 1] = legs
+        self._times[self._number + 1 : self._number + 1] = [leg.time_s for leg in legs]
+
+    def _turned_off(self, pose: Pose2d) -> float:
+        """How far to the left of its goal's heading it is turned; 0 where no heading was asked."""
+        here = self._legs[self._number]
+        move = self._moves[here.move]
+        asked = move.theta is not None or any(len(point) == 3 for point in move.points[-1:])
+        if (move.kind in {"go_to", "follow"} and not asked) or self._room is not None:
+            return 0.0
+        return math.remainder(pose.theta - here.end.theta, math.tau)
+
+    def _blocked(self) -> str:
+        here = self._legs[self._number]
+        speed = (
+            self._twist.wz if here.course is None else math.hypot(self._twist.vx, self._twist.vy)
+        )
+        turns, unit = ("turn", "rad/s") if here.course is None else ("drive", "m/s")
+        return (
+            f"The base does not {turns} although {abs(speed):.2f} {unit} are commanded. Look for "
+            "an obstacle; on a carpet or with a low battery, ask for a larger speed."
+        )
 
     @property
     def _is_last(self) -> bool:
@@ -194,7 +245,9 @@ class Mover:
         """How far from its end a leg ended, and why; empty if near enough."""
         here = self._legs[self._number]
         kind = self._moves[here.move].kind
-        short_by = leg.short_by(pose)
+        amended = self._amends == here.move
+        # What a turn back and the way after it leave is judged below.
+        short_by = "" if amended else leg.short_by(pose)
         off = math.hypot(pose.x - here.end.x, pose.y - here.end.y)
         # A turn does not watch its place, nor a course the distance to its side.
         is_off = kind in {"go_to", "follow"} and self._room is None and off > OFF_M
@@ -205,6 +258,12 @@ class Mover:
                     f"{short_by} from its goal, beside the end of its path. Look for points that "
                     "are nearer than 20 mm to each other, or a long look_ahead_m."
                 )
+        turned = self._turned_off(pose)
+        if not short_by and amended and off > 2.0 * OFF_M:
+            short_by = f"{1000.0 * off:.1f} mm"
+        if abs(turned) > OFF_RAD and (short_by or amended or not self._base.turns):
+            place = f"{short_by} and " if short_by and kind != "turn" else ""
+            short_by = f"{place}turned {degrees_words(turned)}"
         return short_by and f"{short_by} from its goal, and small commands do not move it there."
 
     def _end_short(self, short_by: str) -> None:
@@ -255,3 +314,23 @@ class Mover:
     def time_s(self) -> float:
         """The time of all legs by their ideal profiles."""
         return sum(self._times)
+
+
+def way_words(begin: Pose2d, end: Pose2d) -> str:
+    """How far, and to which side, a base drove and turned."""
+    dx, dy = end.x - begin.x, end.y - begin.y
+    cosine, sine = math.cos(begin.theta), math.sin(begin.theta)
+    ahead, left = cosine * dx + sine * dy, cosine * dy - sine * dx
+    words = []
+    if abs(ahead) >= LEAST_M:
+        words.append(f"{abs(ahead):.3f} m {'ahead' if ahead > 0.0 else 'back'}")
+    if abs(left) >= LEAST_M:
+        words.append(f"{abs(left):.3f} m to the {'left' if left > 0.0 else 'right'}")
+    words.append(f"turned {degrees_words(end.theta - begin.theta)}")
+    return ", ".join(words)
+
+
+def degrees_words(angle: float) -> str:
+    """An angle with its side."""
+    side = "left" if angle > 0.0 else "right"
+    return f"{math.degrees(abs(angle)):.1f} degrees to the {side}"

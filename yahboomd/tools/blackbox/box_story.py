@@ -46,6 +46,7 @@ MOVE_ENDS = {
     "pose_changed": "the pose was set or bridged",
     "blocked": "the base was commanded and hardly moved",
     "slipping": "the wheels turned the base, and the gyro did not see it turn",
+    "exchanged": "the wheels turned the base one way and the gyro the other: exchanged plugs",
     "uncertain": "the place was too uncertain",
     "not_obeyed": "the daemon did not drive for them",
     "short": "small commands did not move the base to its goal",
