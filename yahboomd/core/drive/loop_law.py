@@ -8,9 +8,9 @@ metre, 2.6 s at 0.12 m/s and 16 s at 0.02 m/s.
 
 from __future__ import annotations
 
-import msgspec
+from collections.abc import Mapping
 
-from yahboomd.core.protocol.settings import BoardSettings
+import msgspec
 
 FULL_OUTPUT = 3600
 MOST_OF_THE_LOOP = 2000
@@ -48,7 +48,7 @@ class LoopLaw(msgspec.Struct, frozen=True, kw_only=True):
         return self.per_m * abs(way_m) + self.per_m_s * abs(speed_m_s)
 
 
-def loop_law(settings: BoardSettings | None) -> LoopLaw:
+def loop_law(settings: Mapping[str, object] | None) -> LoopLaw:
     """The law of a board by its stored settings; None if it shows none."""
     known, times = settings or {}, UNKNOWN_TIMES if settings is None else 1.0
     gains, zone = known.get("pid"), known.get("dead_zone")
