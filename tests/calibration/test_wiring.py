@@ -209,6 +209,27 @@ def test_a_dead_motor_is_where_the_person_says_or_where_alone_it_can_be() -> Non
 
 
 @pytest.mark.parametrize(
+    ("by_hand", "volts", "words", "broken"),
+    [
+        ({}, 12.4, "whether the wheel is blocked", False),
+        ({"left": True}, 10.5, "It is stiff, or the battery is low (10.5 V). Charge", False),
+        ({"left": True}, 7.4, "the battery is low (7.4 V)", False),
+        ({"left": True}, None, "the battery is low. Charge", False),
+        ({"left": True}, 12.4, "Look at the motor's two wires", True),
+        ({"left": True}, 8.1, "Look at the motor's two wires", True),
+        ({"left": False}, 12.4, "no counter moved when you turned the wheel", False),
+    ],
+)
+def test_a_motor_is_called_broken_with_a_full_battery_and_an_encoder_that_counts(
+    by_hand: dict[str, bool], volts: float | None, words: str, broken: bool
+) -> None:
+    turns = [MotorTurn(position=1, counts=(0, 0, 0, 0))]
+    (fault,) = judge(turns, ("left",), TICKS, by_hand=by_hand, volts=volts).faults
+    assert words in fault.words
+    assert ("broken" in fault.words) == broken
+
+
+@pytest.mark.parametrize(
     ("change", "again", "words"),
     [
         ({"wheel": "front_left"}, (1, 2), "M1 and M2 both turned front left"),

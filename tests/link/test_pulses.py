@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import re
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
@@ -307,3 +308,82 @@ async def test_cancelled_at_any_moment_it_leaves_the_wheels_at_rest() -> None:
         await asyncio.sleep(1.0)
         board.robot.advance(board.clock.now_ns())
         assert stands(board)
+
+
+def stiff_robot(friction: float, stick: float, volts: float, **motor: float) -> LinkBench:
+    """A motor by its friction as a share of full output at 12 V."""
+    return LinkBench(
+        motor_dead_zone=round(friction * 3600),
+        sticks=(stick,),
+        battery_volts=volts,
+        rated_volts=12.0,
+        **motor,
+    )
+
+
+QUICK, SLOW = {"time_constant_s": 0.06, "max_speed_m_s": 1.93}, {"time_constant_s": 0.3}
+
+
+@pytest.mark.parametrize(
+    ("friction", "stick", "volts", "motor", "dead"),
+    [
+        (0.47, 1.6, 12.0, QUICK, False),
+        (0.47, 1.6, 12.0, QUICK, True),
+        (0.40, 1.6, 10.5, SLOW, False),
+        *(
+            pytest.param(*case, marks=pytest.mark.nightly)
+            for case in itertools.product(
+                (0.40, 0.47), (1.3, 1.6), (10.5, 12.0), ({}, QUICK, SLOW), (False, True)
+            )
+        ),
+    ],
+)
+@on_virtual_time
+async def test_a_motor_that_sticks_turns_with_more_output_within_the_same_bounds(
+    friction: float, stick: float, volts: float, motor: dict[str, float], dead: bool
+) -> None:
+    board = stiff_robot(friction, stick, volts, **motor)
+    board.robot.start(board.now_ns)
+    if dead:
+        board.robot.set_faults("all", FAULTS["encoder-dead"], now_ns=board.now_ns)
+    watched = Watched(board)
+    turn_m = 2.0 * HALF_TURN_M
+    async with pulses_on(board, on_pulse=watched.mark) as (pulses, _):
+        pulse = await pulses.turn(1)
+        rolled = 0.0
+        while pulse.turns < SHOWN_TURNS and rolled < 0.003 and pulses.has_stronger(1):
+            number = len(watched.rolled_m)
+            pulse = await pulses.turn_stronger(1)
+            rolled = sum(map(max, watched.rolled_m[number:]))
+            assert rolled <= turn_m
+    assert max(map(max, watched.rolled_m)) <= HALF_TURN_M
+    assert (pulse.turns >= SHOWN_TURNS) != dead
+    # A person sees three millimetres.
+    assert max(map(max, watched.rolled_m)) > 0.001
+
+
+@on_virtual_time
+async def test_a_wheel_that_needed_more_output_has_it_in_an_advance() -> None:
+    for stick, strongest in ((1.6, 0.66), (1.0, 0.48)):
+        board = stiff_robot(0.4, stick, 12.0)
+        async with pulses_on(board) as (pulses, _):
+            if (await pulses.turn(1)).turns < SHOWN_TURNS:
+                assert (await pulses.turn_stronger(1)).output == round(strongest * 3600)
+            counts = await pulses.advance({1: 1}, 0.5 * TICKS)
+        # It leaps when it breaks away, and may roll past what is left.
+        assert 0.35 * TICKS < counts[0] < 0.55 * TICKS
+
+
+@on_virtual_time
+async def test_full_output_is_the_last_that_a_dead_motor_gets() -> None:
+    board = LinkBench()
+    board.robot.start(board.now_ns)
+    board.robot.set_faults("all", FAULTS["motor-dead"], now_ns=board.now_ns)
+    async with pulses_on(board) as (pulses, _):
+        await pulses.turn(1)
+        while pulses.has_stronger(1):
+            pulse = await pulses.turn_stronger(1)
+        assert pulse.output == 3600
+        # Repaired, it is tried as at first.
+        await pulses.turn(1)
+        assert pulses.has_stronger(1)

@@ -78,6 +78,9 @@ class SimulatedPerson:
     async def _true_answer(self, question: str, now: dict[str, float]) -> str | None:
         if self.looks and (answer := self._look(question, now)):
             return answer
+        if found := re.match(r"Turn the (.*) wheel by hand", question):
+            await self._turn_by_hand(found[1].replace(" ", "_"))
+            return ""
         if question.startswith("\nEnter, and M"):
             self._before = self._travel()
             return ""

@@ -219,8 +219,35 @@ async def test_a_motor_that_does_not_turn_is_named_and_nothing_is_found(fault: s
     person = SimulatedPerson(bench)
     with pytest.raises(Refused, match="Nothing was written"):
         await set_up(bench, TWO, person=person)
-    assert any("Which plug is its motor in? (M2, M3, M4;" in each for each in person.questions)
+    asked = "\n".join(person.questions)
+    # A motor without power still shows its plug as its wheel is turned by hand.
+    assert ("Which plug is its motor in? (M2, M3, M4;" in asked) == (fault != "motor-dead")
+    assert asked.count("Enter, and M4 is given more:") == 3
     assert max(map(abs, bench.rim_speeds)) < 0.03
+
+
+@on_virtual_time
+async def test_wheels_that_stick_on_a_low_battery_are_found_with_more_output(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    bench = LinkBench(
+        drive="skid_steer",
+        wiring=plugged(FOUR_WHEELS, (2, -1, 3, 4)),
+        motor_dead_zone=1500,
+        friction_scales=(1.0, 1.05, 0.8, 0.97),
+        sticks=(1.4, 1.5, 1.1, 1.3),
+        battery_volts=6.6,
+    )
+    person = SimulatedPerson(bench)
+    person.looks = True
+    found = await set_up(bench, FOUR, person=person)
+    assert connected(found) == true_wiring(bench)
+    assert found.wiring.faults == ()
+    assert found.gear.verdict == "fits"
+    assert person.turned <= 1.0
+    shown = capsys.readouterr().err
+    assert "It is stiff, or the battery is low (6.6 V)" in " ".join(shown.split())
+    assert "broken" not in shown
 
 
 @on_virtual_time

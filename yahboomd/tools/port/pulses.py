@@ -74,6 +74,12 @@ Weaker ones turn few motors. While no counter moves, each uses up part of the tu
 cause, and stiff motors would be reported as not turned.
 """
 
+STRONGER = (0.66, 0.72, 0.8, 0.9, 1.0)
+"""Outputs for a motor that no weaker one turned, as a person saw: a stiff one, or a low battery."""
+
+BRIEFEST_S = 0.015
+"""Even the fastest motor turns a wheel by less than half a turn with full output for this time."""
+
 DEAD_SHARE = 0.33
 """No motor of the vendor's turns with a smaller share of the output."""
 
@@ -125,6 +131,8 @@ class Pulses:
         self._dialect = dialect
         self._settings = settings
         self._shares = [share for share in STEPS if self._is_output(share)]
+        self._stronger: dict[int, int] = {}
+        self._needs: dict[int, float] = {}
         self._ticks = ticks_per_revolution
         self._least = min(ticks_per_revolution, least_ticks or ticks_per_revolution)
         self._fastest = fastest_turns_per_s
@@ -134,6 +142,42 @@ class Pulses:
         line.on_counts = lambda _: self._news.set()
         # A brake would start the board's speed loop, so the line ends by letting the motors go.
         line.let_go = True
+
+    def has_stronger(self, position: int) -> bool:
+        """Whether there are outputs that this motor was not given by :meth:`turn_stronger`."""
+        return self._stronger.get(position, 0) < len(STRONGER)
+
+    async def turn_stronger(
+        self, position: int, on_step: Callable[[], None] = lambda: None
+    ) -> Pulse:
+        """Turn a motor that :meth:`turn` did not, with the next larger outputs.
+
+        Call it once a person saw no wheel turn: then the turns that a call may cause begin at zero.
+
+        Returns:
+            As :meth:`turn`. :meth:`has_stronger` is false once full output was given.
+
+        Raises:
+            BoardError: As :meth:`turn`.
+        """
+        blind = 0.0
+        number, stretch = self._stronger.get(position, 0), 1
+        while True:
+            share = STRONGER[number]
+            limit_s = min(LONGEST_S, stretch * self._brief_s(share))
+            on_step()
+            pulse, _ = await self._pulse({position: 1}, share, limit_s=limit_s)
+            if pulse.turns * self._ticks >= SEEN_COUNTS:
+                if pulse.turns >= SHOWN_TURNS or limit_s >= LONGEST_S:
+                    self._needs[position] = share
+                    return pulse
+                stretch *= 2
+                continue
+            number, stretch = number + 1, 1
+            self._stronger[position] = number
+            blind += self._turns_unseen(share, limit_s)
+            if number == len(STRONGER) or blind + TURNS > MOST_BLIND_TURNS:
+                return pulse
 
     async def turn(self, position: int, on_step: Callable[[], None] = lambda: None) -> Pulse:
         """Turn a motor forward, with more and more output, until a counter moves.
@@ -148,6 +192,8 @@ class Pulses:
         Raises:
             BoardError: The board reset itself, a wheel does not stop, or no counts come.
         """
+        self._stronger.pop(position, None)
+        self._needs.pop(position, None)
         counted = blind = 0.0
         pulse: Pulse | None = None
         number, stretch = self._first, 1
@@ -205,7 +251,11 @@ class Pulses:
             BoardError: The board reset itself, a wheel does not stop, or no counts come.
         """
         counts = min(counts, self.most_counts)
-        number, rolls, blind = self._working, 0.0, 0.0
+        reached = max((self._needs.get(position, 0.0) for position in signs), default=0.0)
+        shares = sorted({*self._shares, *(each for each in STRONGER if each <= reached)})
+        # Weak outputs would use up the turns that no counter shows.
+        least = min((self._needs.get(position, 0.0) for position in signs), default=0.0)
+        number, rolls, blind = shares.index(least) if least else self._working, 0.0, 0.0
         done = (0, 0, 0, 0)
         for _ in range(MOST_PULSES):
             ways = [abs(done[position - 1]) for position in signs]
@@ -213,14 +263,17 @@ class Pulses:
             if left <= max(rolls, NEAR_SHARE * counts):
                 break
             bound = min(left - rolls, self.most_counts - max(ways))
-            if bound <= 0.0 or number >= len(self._shares):
+            if bound <= 0.0 or number >= len(shares):
                 break
-            share = self._shares[number]
-            most = self._turns_unseen(share, self.limit_s(share))
+            share = shares[number]
+            limit_s = self.limit_s(share)
+            if share <= reached:
+                limit_s = min(limit_s, self._brief_s(share))
+            most = self._turns_unseen(share, limit_s)
             if most > TURNS or (blind and blind + most > MOST_BLIND_TURNS):
                 break
             on_step()
-            pulse, rolls = await self._pulse(signs, share, bound)
+            pulse, rolls = await self._pulse(signs, share, bound, limit_s=limit_s)
             if pulse.turns * self._ticks < SEEN_COUNTS:
                 blind += most
             done = tuple(map(sum, zip(done, pulse.counts, strict=True)))  # type: ignore[assignment]
@@ -233,6 +286,13 @@ class Pulses:
         limit_s = SHORTEST_S
         while limit_s < LONGEST_S and self._turns_unseen(share, limit_s + 0.01) <= BLIND_TURNS:
             limit_s += 0.01
+        return limit_s
+
+    def _brief_s(self, share: float) -> float:
+        """The longest pulse with which the fastest motor turns by less than half a turn."""
+        limit_s = SHORTEST_S
+        while limit_s > BRIEFEST_S and self._turns_unseen(share, limit_s) > TURNS:
+            limit_s -= 0.001
         return limit_s
 
     def _turns_unseen(self, share: float, pulse_s: float) -> float:

@@ -22,6 +22,7 @@ from yahboomd.tools.calibrate.estimates.wiring import (
     judge,
     judge_by_hand,
     plain,
+    stiff,
 )
 from yahboomd.tools.port.board_questions import COUNTERS_WITHIN_S, read_counters, why_silent
 from yahboomd.tools.port.pulses import MOVED_TURNS, Pulses
@@ -72,6 +73,7 @@ class ByOutput:
 
     Args:
         may_turn: Called before each motor is turned; raises if none may turn.
+        volts: The supply of the motors; None if the board does not report it.
     """
 
     def __init__(
@@ -81,7 +83,11 @@ class ByOutput:
         person: Respondent,
         robot: UnwiredRobot,
         may_turn: Callable[[], None],
+        *,
+        volts: float | None = None,
     ) -> None:
+        self._volts = volts
+        self._by_hand: dict[str, bool] = {}
         self._talk = talk
         self._pulses = pulses
         self._person = person
@@ -117,8 +123,12 @@ class ByOutput:
                 say("Once more, then.")
                 again = verdict.again
                 continue
-            if verdict.missing and await self._ask_plugs(verdict.missing):
+            if verdict.missing:
+                await self._look_into(verdict.missing)
                 verdict = self._verdict()
+                if verdict.again:
+                    again = verdict.again
+                    continue
             if not verdict.missing:
                 verdict = as_drivable(verdict, self._robot.ways)
             if not verdict.faults or await _gives_up(self._person, verdict, self._talk):
@@ -126,7 +136,48 @@ class ByOutput:
             again = self._suspects(verdict)
 
     def _verdict(self) -> WiringFound:
-        return judge(list(self._turns.values()), self._robot.wheels, self._ticks, self._plugs)
+        return judge(
+            list(self._turns.values()),
+            self._robot.wheels,
+            self._ticks,
+            self._plugs,
+            by_hand=self._by_hand,
+            volts=self._volts,
+        )
+
+    async def _look_into(self, missing: Sequence[str]) -> None:
+        """Let wheels that did not turn be turned by hand, and give their motors more output."""
+        names = " and ".join(plain(wheel) for wheel in missing)
+        say()
+        say(textwrap.fill(f"No motor turned {names}. {stiff(self._volts)}", WIDTH))
+        say("Its encoder first: no motor turns now.")
+        for wheel in missing:
+            self._plugs.pop(wheel, None)
+            before = await _counting(self._talk)
+            await self._person.line(
+                f"Turn the {plain(wheel)} wheel by hand, about half a turn; then Enter:"
+            )
+            after = await _counting(self._talk)
+            turned = [abs(unwrapped(new - old)) for new, old in zip(after, before, strict=True)]
+            position = 1 + turned.index(max(turned))
+            self._by_hand[wheel] = max(turned) >= MOVED_TURNS * self._ticks
+            if not self._by_hand[wheel]:
+                say("No counter moved.")
+                continue
+            say(f"The counter of M{position} moved.")
+            if not self._turns[position].wheel:
+                self._plugs[wheel] = position
+        await self._ask_plugs(missing)
+        still = [turn.position for turn in self._turns.values() if not turn.wheel]
+        for position in sorted({*self._plugs.values()} & {*still}) or still:
+            await self._turn_stronger(position)
+
+    async def _turn_stronger(self, position: int) -> None:
+        while self._pulses.has_stronger(position):
+            found = await self._turn(position, stronger=True)
+            if found.wheel:
+                self._turns[position] = found
+                return
 
     async def _try(self, positions: Sequence[int]) -> None:
         for position in positions:
@@ -138,11 +189,13 @@ class ByOutput:
                 continue
             self._turns[position] = await self._turn(position)
 
-    async def _turn(self, position: int) -> MotorTurn:
+    async def _turn(self, position: int, *, stronger: bool = False) -> MotorTurn:
+        how = "is given more" if stronger else "turns"
         while True:
-            await self._person.line(f"\nEnter, and M{position} turns:")
+            await self._person.line(f"\nEnter, and M{position} {how}:")
             self._may_turn()
-            pulse = await self._pulses.turn(position, _say_more)
+            turn = self._pulses.turn_stronger if stronger else self._pulses.turn
+            pulse = await turn(position, _say_more)
             say(" no counter moved." if pulse.turns < MOVED_TURNS else " the counters moved.")
             wheel = await self._ask_wheel()
             if wheel is None:
@@ -190,13 +243,14 @@ class ByOutput:
                 return None
             say(f"f or b, please. {FORWARD}")
 
-    async def _ask_plugs(self, missing: Sequence[str]) -> bool:
-        """Ask for the plugs of the wheels that did not turn; return whether one was named."""
+    async def _ask_plugs(self, missing: Sequence[str]) -> None:
+        """Ask for the plugs of wheels that neither turned nor were counted."""
         still = [str(turn.position) for turn in self._turns.values() if not turn.wheel]
-        wanted = [wheel for wheel in missing if wheel not in self._plugs]
         if len(missing) == len(still) == 1:
-            return False
-        for wheel in wanted:
+            return
+        for wheel in missing:
+            if wheel in self._plugs:
+                continue
             answer = await self._person.line(
                 f"The {plain(wheel)} wheel did not turn. Which plug is its motor in? "
                 f"({', '.join(f'M{each}' for each in still)}; Enter: not known)"
@@ -204,7 +258,6 @@ class ByOutput:
             answer = answer.upper().removeprefix("M")
             if answer in still:
                 self._plugs[wheel] = int(answer)
-        return bool(wanted)
 
     def _suspects(self, verdict: WiringFound) -> list[int]:
         """The plugs that a repair may have changed."""

@@ -69,6 +69,7 @@ class Wizard:
         self._opener = opener
         self._clock = clock
         self._settings: BoardSettings | None = None
+        self._volts: float | None = None
         self._imu = ""
 
     async def find(self, *, by_hand: bool) -> SetupOutcome:
@@ -125,6 +126,7 @@ class Wizard:
                 f"{self._port}: no board answers.", remedy=diagnosis.what_was_heard(found.heard)
             )
         self._settings = found.settings
+        self._volts = found.volts
         return found.dialect, found
 
     def _report(
@@ -219,7 +221,7 @@ class Wizard:
                 least_ticks=profile.least_ticks_per_revolution,
                 on_pulse=guard.mark,
             )
-            by_output = ByOutput(talk, pulses, person, robot, self._may_turn)
+            by_output = ByOutput(talk, pulses, person, robot, self._may_turn, volts=self._volts)
             last_look = LastLook(pulses, person, profile, self._may_turn)
             while True:
                 wiring = await by_output.find()

@@ -23,6 +23,8 @@ Kind: TypeAlias = Literal[
 MOVED_TURNS = 0.01
 """Less than this may be the play of the gears."""
 
+TWO_CELLS_V, FULL_CELL_V = 8.8, 3.8
+
 ALIKE = 0.3
 """A counter with at least this share of the largest movement was moved by the same pulse."""
 
@@ -110,12 +112,18 @@ def judge(
     wheels: Sequence[str],
     ticks_per_revolution: float,
     plugs: Mapping[str, int] | None = None,
+    *,
+    by_hand: Mapping[str, bool] | None = None,
+    volts: float | None = None,
 ) -> WiringFound:
     """Find positions, signs and faults.
 
     Args:
         turns: One for each position of the board.
         plugs: For wheels that did not turn, their motor's plug according to the person.
+        by_hand: For wheels that did not turn with full output, whether a counter moved when they
+            were turned by hand.
+        volts: The supply; None if the board does not report it.
     """
     moved = {turn.position: turn for turn in turns if turn.wheel}
     still = [turn for turn in turns if not turn.wheel]
@@ -125,7 +133,9 @@ def judge(
     doubts = dict(_doubts(moved, still, seen_at, least))
     by_wheel = sorted(moved.values(), key=lambda turn: (*wheels, turn.wheel).index(turn.wheel))
     faults = [fault for turn in by_wheel for fault in _encoder_faults(turn, seen_at)]
-    faults += _dead_motors(missing, [turn.position for turn in still], plugs or {})
+    faults += _dead_motors(
+        missing, [turn.position for turn in still], plugs or {}, by_hand or {}, volts
+    )
     swapped = [fault for fault in faults if fault.kind == "encoder_swapped"]
     return WiringFound(
         motors=tuple(
@@ -243,18 +253,52 @@ def _encoder_faults(turn: MotorTurn, seen_at: Mapping[int, int | None]) -> Itera
 
 
 def _dead_motors(
-    missing: Sequence[str], still: Sequence[int], plugs: Mapping[str, int]
+    missing: Sequence[str],
+    still: Sequence[int],
+    plugs: Mapping[str, int],
+    by_hand: Mapping[str, bool],
+    volts: float | None,
 ) -> Iterator[WiringFault]:
     # The last motor and the last plug belong together.
     only = still[0] if len(missing) == len(still) == 1 else None
     for wheel in missing:
         position = plugs.get(wheel) or only
         where = f"M{position} ({plain(wheel)})" if position else plain(wheel).capitalize()
-        words = (
-            f"{where}: the motor did not turn. Look at its plug, at the board and at the motor, "
-            "and whether the wheel is blocked; else motor or driver are broken."
-        )
+        counted = by_hand.get(wheel)
+        if counted is None:
+            words = (
+                f"{where}: the motor did not turn. Look at its plug, at the board and at the "
+                "motor, and whether the wheel is blocked."
+            )
+        elif not counted:
+            words = (
+                f"{where}: the motor did not turn, and no counter moved when you turned the wheel. "
+                "Look at the plug that has its motor and its encoder, at the board and at the "
+                "motor."
+            )
+        elif charged(volts):
+            words = (
+                f"{where}: the motor did not turn with full output, and its encoder counts by "
+                "hand. Look at the motor's two wires; else motor or driver are broken."
+            )
+        else:
+            words = (
+                f"{where}: the motor did not turn with full output, and its encoder counts by "
+                f"hand. {stiff(volts)} Charge the battery, and see that the wheel turns freely; "
+                "else look at the motor's two wires. `yahboomd setup --by-hand` goes on without "
+                "turning motors."
+            )
         yield WiringFault("motor_dead", position, wheel, words)
+
+
+def charged(volts: float | None) -> bool:
+    """Whether a battery of two or three lithium cells is about full."""
+    return volts is not None and volts / (2 if volts < TWO_CELLS_V else 3) >= FULL_CELL_V
+
+
+def stiff(volts: float | None) -> str:
+    """Why a healthy motor may not turn, in a sentence."""
+    return f"It is stiff, or the battery is low{'' if volts is None else f' ({volts:.1f} V)'}."
 
 
 _ALL_SWAPPED = (
