@@ -228,15 +228,8 @@ async def test_a_healthy_wheel_that_sticks_alone_is_not_called_faulty(
             assert not FAULTY & {*bench.heard.kinds}, bench.heard.events
 
 
-BROKEN = pytest.mark.xfail(
-    reason="'the motor did not turn ... motor or driver are broken' for all four, from 64 % on"
-)
-
-
 @ROSMASTER
-@pytest.mark.parametrize(
-    ("stick", "volts"), [(1.2, 10.5), (1.2, 12.0), pytest.param(1.4, 10.5, marks=BROKEN)]
-)
+@pytest.mark.parametrize(("stick", "volts"), [(1.2, 10.5), (1.2, 12.0), (1.4, 10.5), (1.9, 10.5)])
 @on_virtual_time
 async def test_setup_calls_no_healthy_wheel_of_a_sticking_x3_broken(
     stick: float, volts: float
