@@ -82,9 +82,10 @@ async def test_a_refused_release_is_counted_and_reported(tmp_path: Path) -> None
 async def test_a_fault_is_cleared_only_while_no_source_commands_motion(tmp_path: Path) -> None:
     async with RobotBench(tmp_path) as bench:
         await bench.ready()
+        await bench.drive(1.0, 0.3)
         faults = MotorFaults(encoder_dead=True)
         bench.robot.set_faults("left", faults, now_ns=bench.clock.now_ns())
-        await bench.drive(2.0, 0.3)
+        await bench.drive(1.0, 0.3)
         cleared, words = bench.operator.release_estop()
         assert not cleared
         assert "cmd_vel commands motion" in words
@@ -101,9 +102,10 @@ async def test_a_fault_is_cleared_only_while_no_source_commands_motion(tmp_path:
 async def test_one_release_opens_the_latch_and_clears_the_fault(tmp_path: Path) -> None:
     async with RobotBench(tmp_path) as bench:
         await bench.ready()
+        await bench.drive(1.0, 0.3)
         faults = MotorFaults(encoder_dead=True)
         bench.robot.set_faults("left", faults, now_ns=bench.clock.now_ns())
-        await bench.drive(2.0, 0.3)
+        await bench.drive(1.0, 0.3)
         bench.operator.engage_estop("a test")
         await asyncio.sleep(1.0)
         released, words = bench.operator.release_estop()

@@ -172,8 +172,9 @@ async def test_a_command_that_arrived_before_a_release_and_is_handled_after_it_m
 async def test_a_fault_is_not_cleared_within_a_second_of_a_refused_command(tmp_path: Path) -> None:
     async with robot(tmp_path) as bench:
         await bench.ready()
+        await bench.drive(1.0, 0.3)
         bench.do("encoder-dead left")
-        await bench.drive(2.0, 0.3)
+        await bench.drive(1.0, 0.3)
         assert bench.controller.state()[0] == "fault"
         await asyncio.sleep(2.0)
         copies(bench, b'{"vx": 0.3}', 32)

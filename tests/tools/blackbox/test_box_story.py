@@ -257,7 +257,7 @@ CAUSES: dict[str, tuple[Happens, dict[str, object], tuple[str, ...], str]] = {
     "a board that is unplugged": (_unplugged, {}, (), "the port went away"),
     "a board that hangs": (_hangs, {}, (), "No counts have come for 0.3 s"),
     "a wheel that is held": (
-        _faulty(stalled=True), {}, (), "left is commanded 0.30 m/s and its encoder shows no motion"
+        _faulty(stalled=True), {}, (), "is commanded 0.30 m/s, and its encoder shows no motion"
     ),
     "a motor that is unplugged": (
         _faulty(unplugged=True), {}, (), "left is commanded 0.30 m/s and its encoder shows no"
