@@ -53,6 +53,9 @@ async def test_moves_end_where_they_should(tmp_path: Path, motor: str) -> None:
         await asyncio.sleep(0.3)
         straight = await reached(bench, Move(kind="straight", distance_m=0.4))
         assert straight.ahead_m == pytest.approx(0.4, abs=0.002)
+        # A bench that takes bytes from the line makes another one of it.
+        assert bench.supervisor.session is not None
+        assert not bench.supervisor.session.status_values().get("unrecognised")
         if LONG:
             turn = await reached(bench, Move(kind="turn", angle_rad=1.0))
             assert turn.turned_rad == pytest.approx(1.0, abs=math.radians(0.5))

@@ -221,7 +221,7 @@ async def calibrated(
     """A whole calibration of the bench's robot, to its end."""
 
     def truth() -> Pose2d:
-        bench.robot.advance(bench.clock.now_ns())
+        bench.robot.truth(bench.clock.now_ns())
         return bench.robot.plant.chassis.pose
 
     turns = choices.turns if isinstance(choices, TapeRuns) else 0

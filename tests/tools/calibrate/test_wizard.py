@@ -39,7 +39,7 @@ class _Pushing(TapeAndMarks):
 
 
 def truth(bench: RobotBench) -> Pose2d:
-    bench.robot.advance(bench.clock.now_ns())
+    bench.robot.truth(bench.clock.now_ns())
     return bench.robot.plant.chassis.pose
 
 
