@@ -11,6 +11,8 @@ import pytest
 from yahboomd.core import model
 from yahboomd.core.model import (
     CHANNELS,
+    FASTEST_M_S,
+    FASTEST_RAD_S,
     NS_PER_S,
     STANDSTILL,
     EncoderReading,
@@ -19,6 +21,7 @@ from yahboomd.core.model import (
     Motor,
     Pose2d,
     Twist2d,
+    velocity_problem,
 )
 
 NOUNS = [
@@ -75,3 +78,22 @@ def test_a_sensor_is_true_to_a_hundredth_and_no_base_steers_unless_it_is_given()
     assert (sensor.gyro_scale, sensor.delay_ns) == (0.01, 0)
     base = Kinematics(name="any", wheels=(), inverse=(), forward=())
     assert (base.base_m, base.least_radius_m) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("velocity", "word"),
+    [
+        ((FASTEST_M_S, -FASTEST_M_S, -FASTEST_RAD_S), None),
+        ((math.nan, 0.0, 0.0), "not_finite"),
+        ((0.0, math.inf, 0.0), "not_finite"),
+        ((0.0, 0.0, -math.inf), "not_finite"),
+        ((math.nextafter(FASTEST_M_S, math.inf), 0.0, 0.0), "too_fast"),
+        ((0.0, -math.nextafter(FASTEST_M_S, math.inf), 0.0), "too_fast"),
+        ((0.0, 0.0, -math.nextafter(FASTEST_RAD_S, math.inf)), "too_fast"),
+    ],
+)
+def test_a_velocity_is_refused_beyond_what_any_robot_reaches(
+    velocity: tuple[float, float, float], word: str | None
+) -> None:
+    problem = velocity_problem(*velocity)
+    assert (problem and problem[0]) == word

@@ -364,18 +364,6 @@ def named(*robots: RealRobot) -> tuple[str, ...]:
     return ("--set", f"zenoh.listen=[{listen}]", "--set", "zenoh.connect=[]")
 
 
-def test_after_sigkill_a_plain_stop_finds_the_port_that_only_the_daemon_was_given(
-    local_robot: RealRobot,
-) -> None:
-    with driver(local_robot.endpoint):
-        driven(local_robot)
-        local_robot.daemon.end(signal.SIGKILL)
-    ran = Process("stop", *named(local_robot), environ=local_robot.environ)
-    assert ran.end_by_itself() == 0, ran.output
-    assert f"{local_robot.port} (streamed board): the wheels stand" in ran.output
-    local_robot.settled_truth()
-
-
 @pytest.fixture
 def neighbour(
     local_robot: RealRobot, real_robot: Callable[..., RealRobot], client: Callable[..., Client]
@@ -384,6 +372,21 @@ def neighbour(
     other = real_robot(environ=local_robot.environ, run=["--namespace", "bot1", *UNHURRIED])
     client("client", other.endpoint, "bot1/yahboomd").in_state("standing")
     return other
+
+
+def test_after_sigkill_a_plain_stop_finds_the_port_that_only_the_daemon_was_given(
+    local_robot: RealRobot, neighbour: RealRobot
+) -> None:
+    with driver(local_robot.endpoint), driver(neighbour.endpoint, "bot1/cmd_vel"):
+        driven(local_robot)
+        driven(neighbour)
+        local_robot.daemon.end(signal.SIGKILL)
+        # The daemon that answers beside it is no reason to forget the killed one's board.
+        ran = Process("stop", environ=local_robot.environ)
+        assert ran.end_by_itself() == 0, ran.output
+        assert f"{local_robot.port} (streamed board): the wheels stand" in ran.output
+        local_robot.settled_truth()
+        neighbour.settled_truth()
 
 
 @pytest.mark.nightly
