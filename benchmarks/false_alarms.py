@@ -33,6 +33,7 @@ from typing import Any
 import msgspec
 from fault_bench import CUT, FaultBench
 
+from yahboomd.core.drive.holds import NOT_STARTED
 from yahboomd.simulation import virtual_time
 from yahboomd.simulation.options import PLAIN_GAIN, QUICK_GAIN, ImpairmentOptions, SimulationOptions
 
@@ -122,6 +123,7 @@ class Tally:
         self.cuts_by_loss_ms: dict[float, list[float]] = {loss: [] for loss in LOSSES}
         self.stood_ms: list[float] = []
         self.missed: Counter[str] = Counter()
+        self.held = 0
         self.words: list[str] = []
 
 
@@ -243,6 +245,10 @@ async def _broken(bench: AlarmBench, chance: random.Random, what: Piece, tally: 
     bench.do(f"{fault} {chance.choice(('left', 'right'))}")
     if bench.controller.state()[0] == "fault":
         return
+    if bench.controller._holds.has(NOT_STARTED):
+        # The floor holds it at this speed: it stands, and no wheel can show a fault.
+        tally.held += 1
+        return
     wheels = bench.controller._wheels
     driven_ms = 0
     for step in range(4000):
@@ -298,6 +304,8 @@ def table(tally: Tally) -> str:
                 f"{cuts[len(cuts) * 95 // 100]:.0f} at 95 %, {cuts[-1]:.0f} at worst, "
                 f"of {len(cuts)} |"
             )
+    if tally.held:
+        lines.append(f"| not broken, as the floor held the robot at 0.3 m/s | {tally.held} |")
     if tally.stood_ms:
         lines.append(f"| stood between the break and the cut, ms | {max(tally.stood_ms):.0f} |")
     lines.append(f"| by loss | {dict(sorted(tally.by_loss.items()))} |")
