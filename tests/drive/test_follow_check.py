@@ -312,6 +312,7 @@ def test_a_wheel_that_counts_once_has_three_tries_again() -> None:
     assert [fault.kind for fault in base.drive(0.05, 8.0)] == ["no_counts"]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("speed", [0.02, 0.04, 0.06])
 def test_slow_wheels_that_stick_and_slip_are_never_at_fault(speed: float) -> None:
     base = StickingBase([0.40, 0.42], stick=1.4, supply=1.0)

@@ -149,7 +149,7 @@ def test_the_emergency_stop_of_a_simulated_robot_goes_with_it(
     assert not latch.parent.exists()
 
 
-@pytest.mark.cases(1)
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", ["SIGHUP", "SIGQUIT", "SIGUSR1"])
 def test_a_signal_ends_the_daemon_first_and_leaves_no_board_behind(
     started: Callable[..., tuple[MakeRun, str]], client: Callable[..., Client], name: str

@@ -28,6 +28,7 @@ async def test_a_line_that_damages_bytes_is_blamed_not_a_wheel(dialect, damage) 
         await work()
 
 
+@pytest.mark.nightly
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(("corruption", "seeds"), [(0.0002, 4), (0.0005, 3), (0.002, 3)])
 @pytest.mark.parametrize("dialect", ["polled", "streamed"])

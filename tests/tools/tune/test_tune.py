@@ -159,6 +159,7 @@ def test_stop_in_a_second_terminal_ends_it_and_sees_the_wheels_stand(
     assert "Ended by SIGTERM: the wheels were stopped" in tuning.output
 
 
+@pytest.mark.nightly
 @on_virtual_time
 async def test_a_dry_run_measures_suggests_and_writes_nothing(tmp_path, capsys) -> None:
     bench, picture = TuningBench("520", "oscillates"), tmp_path / "steps.svg"
