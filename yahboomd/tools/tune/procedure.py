@@ -60,6 +60,7 @@ TRUSTED = 0.06
 TRIAL = Gains(0.2, 0.02, 0.0)
 SOFTER = 0.2
 HARDER = 5.0
+STICKS = 1.2
 FOLLOWS = 0.3
 """A wheel that reaches less than this share of a step shows too little of its motor."""
 
@@ -296,7 +297,7 @@ class Procedure:
     def _trial(self) -> tuple[float, float, float]:
         """Gains to measure the motors with, after steps that explained nothing."""
         last = self._steps[0][-1].gains
-        if not self._follows:
+        if not self._follows or self._sticks:
             return max(TRIAL.p, HARDER * last.p), max(TRIAL.i, HARDER * last.i), 0.0
         return round(SOFTER * last.p, 3), round(SOFTER * last.i, 3), 0.0
 
@@ -306,6 +307,15 @@ class Procedure:
         return all(
             steps[-1].travel[-1] - steps[-1].travel[-11] > 10 * TICK_S * FOLLOWS * steps[-1].target
             for steps in self._steps
+        )
+
+    @property
+    def _sticks(self) -> bool:
+        """Whether a wheel at rest needs so much more output that a step begins with a leap."""
+        return any(
+            min(wheel.turning_output) > STICKS * max(wheel.stopping_output)
+            for wheel in self.result.wheels
+            if wheel.turning_output and wheel.stopping_output
         )
 
     # Storing.
@@ -353,8 +363,8 @@ class Procedure:
         """The fields to store. A dead zone that hides the motors comes before the gains."""
         fields = [field for field in (GAINS, DEAD_ZONE) if field in self.result.suggested]
         _, settling_s = worst([wheel.before for wheel in self.result.wheels])
-        chatters = self.result.expected is None and self._follows
-        return fields[::-1] if settling_s is None and not chatters else fields
+        chatters = self.result.expected is None and self._follows and not self._sticks
+        return fields[::-1] if (settling_s is None or self._sticks) and not chatters else fields
 
     async def _try_gains(self, best: Measured) -> Measured:
         """Store gains and measure them, and others if they are not good enough."""
