@@ -60,7 +60,9 @@ TRUSTED = 0.06
 TRIAL = Gains(0.2, 0.02, 0.0)
 SOFTER = 0.2
 HARDER = 5.0
-STICKS = 1.2
+STICKS = 1.45
+"""A wheel that begins to turn at this many times the output at which it stops hides its motor."""
+
 FOLLOWS = 0.3
 """A wheel that reaches less than this share of a step shows too little of its motor."""
 
