@@ -96,7 +96,9 @@ class Process:
         except subprocess.TimeoutExpired:
             self.process.kill()
             status = self.process.wait()
-        self._reader.join()
+        self._reader.join(PATIENCE_S)
+        if self._reader.is_alive():
+            raise ChildProcessError("A process that it started runs on, and holds its output.")
         if self.process.stdout is not None:
             self.process.stdout.close()
         return status

@@ -174,12 +174,14 @@ class RealRobot:
 
     def close(self) -> None:
         """End both."""
-        for daemon in self._daemons:
-            daemon.end()
-            # pytest shows it if the test failed.
-            print(daemon.output)
-        self.simulation.end()
-        self._tail.close()
+        try:
+            for daemon in self._daemons:
+                daemon.end()
+                # pytest shows it if the test failed.
+                print(daemon.output)
+        finally:
+            self.simulation.end()
+            self._tail.close()
 
 
 class Client:
