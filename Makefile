@@ -50,7 +50,7 @@ quick: $(VENV)/.dev ## a minute: lint, types, imports, and the tests that start 
 	@$(MAKE) --no-print-directory -j lint types imports
 	$(PYTEST) -q $(PARALLEL) --hypothesis-profile=few -m "not realtime and not nightly" $(WHOLE_ROBOTS:%=--ignore=tests/%) $(REST) $(ARGS)
 
-test: fixed ## four minutes: every claim of the daemon once, with one real process for each promise (ARGS='tests/drive -x': these only)
+test: fixed ## five minutes: every claim of the daemon once, with one real process for each promise (ARGS='tests/drive -x': these only)
 	$(PYTEST) $(PARALLEL) -m "not nightly" $(REST) $(ARGS)
 
 test-all: fixed ## hours: also every case of each fault, the other languages, ROS 2, the browser, the firmwares, the installed service
