@@ -16,6 +16,7 @@ from robot_bench import RobotBench
 
 from yahboomd.core.model import OdometryEstimate
 from yahboomd.core.protocol.rosmaster.rosmaster import Rosmaster
+from yahboomd.simulation.boards import BOARDS
 from yahboomd.simulation.console import execute
 from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.options import PLAIN_GAIN, QUICK_GAIN, SimulationOptions
@@ -62,6 +63,8 @@ def with_true_gains(simulation: SimulationOptions) -> SimulationOptions:
     """The same loops, quick by gains that the board stores and shows: the check goes by them."""
     if simulation.loop_gain != QUICK_GAIN or simulation.dialect not in {"streamed", "rosmaster"}:
         return simulation
+    if not BOARDS[simulation.dialect].make.__module__.startswith("yahboomd."):
+        return simulation  # a vendor's firmware, whose loop is its own
     flash = simulation.flash
     if flash is None:
         steers = simulation.drive == "ackermann"
