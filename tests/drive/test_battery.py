@@ -25,6 +25,12 @@ def test_a_battery_is_judged_by_the_median_of_30_s_at_rest() -> None:
     assert "10.0 V at rest" in event.message
 
 
+def test_a_reading_of_30_s_ago_still_counts() -> None:
+    watch = BatteryWatch(10.5)
+    rest(watch, 12.0, 12.0, 10.0, 10.0, every_s=10)
+    assert watch.median_v == 11.0
+
+
 def test_readings_in_motion_and_while_the_voltage_recovers_do_not_count() -> None:
     watch = BatteryWatch(10.5)
     rest(watch, 12.0, 12.0, 12.0)

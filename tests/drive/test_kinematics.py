@@ -15,6 +15,7 @@ from yahboomd.core.drive.kinematics import (
     differential,
     mecanum,
     motor_speeds,
+    unit_geometry,
     wheel_speeds,
 )
 from yahboomd.core.errors import ConfigError
@@ -81,6 +82,11 @@ def test_skid_steer_is_differential_with_the_effective_separation() -> None:
         plain.inverse,
         plain.forward,
     )
+
+
+def test_a_turn_of_one_radian_deviates_by_a_fifth_or_a_tenth_where_wheels_slip() -> None:
+    slips = {name: unit_geometry(name).turn_slip for name in KINEMATICS}
+    assert slips == {"differential": 0.0, "skid_steer": 0.04, "mecanum": 0.01, "ackermann": 0.01}
 
 
 @given(ROWS, SPEEDS, SPEEDS, SPEEDS)

@@ -71,3 +71,9 @@ def test_where_none_is_allowed_the_least_bad_one_is_suggested():
     coarse = suggest([MOTOR], 30.0, tick_s=TICK_S, count=4.0)
     assert coarse.lambda_s in LAMBDAS
     assert coarse.overshoot > 0.03
+
+
+def test_a_motor_that_needs_all_of_the_second_and_a_half_has_not_settled():
+    """It is in the band from 1.48 s on: too late to have been seen to stay."""
+    slow = msgspec.structs.replace(MOTOR, lag_s=0.5, gap=200.0)
+    assert suggest([slow], 400.0, tick_s=TICK_S, count=0.16, least_lambda_s=0.3).settling_s is None
