@@ -28,5 +28,5 @@ def test_one_answer_alone_is_garbled() -> None:
         if n == 1:
             garble(robot, [], 0)
         robot.host_wrote(b"$read#", n * 50 * MS)
-        answers.append(b"".join(robot.advance((n * 50 + 40) * MS)))
+        answers.append(b"".join(robot.host_reads((n * 50 + 40) * MS)))
     assert answers == [b"$data:5234,0,70,0#", b"$data:4234,0,70,0#", b"$data:5234,0,70,0#"]

@@ -121,7 +121,7 @@ class Bench:
         self._take()
         for _ in range(max(1, round(seconds * 1000.0))):
             self.now_ns += MS
-            for chunk in self.robot.advance(self.now_ns):
+            for chunk in self.robot.host_reads(self.now_ns):
                 if self._listens.is_set():
                     os.write(self._master, chunk)
                     found = self._framer.feed(chunk)

@@ -197,8 +197,7 @@ class RobotBench:
     @property
     def rim_speeds(self) -> list[float]:
         """The true speeds of the wheels, now."""
-        # Not advance(): that takes what arrived at the host, which then is lost.
-        self.robot.truth(self.clock.now_ns())
+        self.robot.advance(self.clock.now_ns())
         return [motor.speed_m_s for motor in self.robot.plant.motors]
 
     @property

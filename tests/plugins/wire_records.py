@@ -166,7 +166,7 @@ class _Robot:
         self.plugged = True
         self.options = SimulationOptions()
         self.host_wrote, self.host_backlog_ns = device.host_wrote, device.host_backlog_ns
-        self.advance = device.advance
+        self.host_reads = device.host_reads
 
     def start(self, now_ns: int) -> None:
         self.started = True

@@ -29,7 +29,7 @@ class Bench:
         before = len(self.chunks)
         while self.now_ns < end_ns:
             self.now_ns = min(end_ns, max(self.now_ns, self.robot.next_ns))
-            self.chunks += [(self.now_ns, chunk) for chunk in self.robot.advance(self.now_ns)]
+            self.chunks += [(self.now_ns, chunk) for chunk in self.robot.host_reads(self.now_ns)]
         return b"".join(chunk for _, chunk in self.chunks[before:])
 
     def send(self, data: bytes, wait_s: float = 0.03) -> bytes:

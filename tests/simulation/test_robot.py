@@ -43,6 +43,15 @@ def test_truth_is_recorded_every_10_ms_however_often_it_is_read(bench: MakeBench
     assert len(stamps) >= 199
 
 
+def test_what_arrived_waits_for_the_host_however_often_others_look(bench: MakeBench) -> None:
+    desk = bench()
+    desk.robot.host_wrote(b"$read_vol#", desk.now_ns)
+    for step in range(1, 40):
+        desk.robot.advance(desk.now_ns + step * 1_000_000)
+        desk.robot.truth(desk.now_ns + step * 1_000_000)
+    assert b"".join(desk.robot.host_reads(desk.now_ns + 40_000_000)) == b"$Battery:7.4V#\r\n"
+
+
 def test_a_late_caller_loses_no_precision(bench: MakeBench) -> None:
     # Driving takes as long as the newlines behind it are on the wire.
     driven = b"$spd:300,0,500,0#" + b"\n" * 8000 + b"$pwm:0,0,0,0#"
@@ -61,7 +70,7 @@ def test_a_late_caller_loses_no_precision(bench: MakeBench) -> None:
 def test_a_late_caller_confuses_no_two_frames(bench: MakeBench) -> None:
     desk = bench()
     desk.robot.host_wrote(b"$pwm:0,0,7,0#" + b"\n" * 20 + b"$read_vol#", desk.now_ns)
-    heard = b"".join(desk.robot.advance(desk.now_ns + 1_000_000_000))
+    heard = b"".join(desk.robot.host_reads(desk.now_ns + 1_000_000_000))
     assert heard == b"$Battery:7.3V#\r\n"
     assert desk.robot.plant.motors[1].pwm == 1607
 

@@ -66,7 +66,7 @@ class MemoryPort:
         if not self.robot.started:
             self.robot.start(now_ns)
         # Bytes sent while the port was closed are lost.
-        self.robot.advance(now_ns)
+        self.robot.host_reads(now_ns)
         if not self.robot.plugged:
             self._loop = None
             raise PortMissing("The simulated robot is unplugged.")
@@ -126,7 +126,7 @@ class MemoryPort:
         self._wake()
 
     def _wake(self) -> None:
-        for chunk in self.robot.advance(self._now_ns()):
+        for chunk in self.robot.host_reads(self._now_ns()):
             # The reader of a chunk may close the port.
             if self._loop is None:
                 return

@@ -52,10 +52,10 @@ class FarEnd(Protocol):
 
     @property
     def next_ns(self) -> int:
-        """The next moment at which :meth:`advance` is worth calling."""
+        """The next moment at which :meth:`host_reads` is worth calling."""
 
-    def advance(self, now_ns: int) -> list[bytes]:
-        """Run everything due, and return the chunks that have arrived at the host."""
+    def host_reads(self, now_ns: int) -> list[bytes]:
+        """Run everything due, and take the chunks that have arrived at the host."""
 
     def host_wrote(self, data: bytes, now_ns: int) -> None:
         """The host has written ``data``."""
@@ -127,7 +127,7 @@ class PtyPort:
 
     def _wake(self) -> None:
         try:
-            chunks = self._device.advance(self._clock.now_ns())
+            chunks = self._device.host_reads(self._clock.now_ns())
             if chunks:
                 self._write(b"".join(chunks) if len(chunks) > 1 else chunks[0])
             if self._master >= 0 and not self._reading and not self._stuffed():

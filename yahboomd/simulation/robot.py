@@ -88,8 +88,8 @@ class SimulatedRobot:
         """The time that the wire still needs for what the host has written, stalls included."""
         return max(0, self._to_board.idle_ns - now_ns, self.impairments.stalled_until_ns - now_ns)
 
-    def advance(self, now_ns: int) -> list[bytes]:
-        """Run everything due, and return the chunks that have arrived at the host."""
+    def host_reads(self, now_ns: int) -> list[bytes]:
+        """Run everything due, and take the chunks that have arrived at the host."""
         self._run(now_ns)
         self._babble(now_ns)
         self._collect(now_ns)
@@ -100,7 +100,7 @@ class SimulatedRobot:
 
     @property
     def next_ns(self) -> int:
-        """The next moment at which :meth:`advance` is worth calling."""
+        """The next moment at which :meth:`host_reads` is worth calling."""
         now_ns, line = self._now_ns, self.impairments
         wakes_ns = [now_ns + WAKE_NS, self.board.speaks_ns]
         if self._late:
@@ -116,6 +116,10 @@ class SimulatedRobot:
         if now_ns < line.stalled_until_ns:
             wakes_ns.append(line.stalled_until_ns)
         return max(now_ns + 1, min(wakes_ns))
+
+    def advance(self, now_ns: int) -> None:
+        """Run everything due; what the board sends still waits for the host."""
+        self._run(now_ns)
 
     # Faults and other events.
 

@@ -42,7 +42,7 @@ class Desk:
     def run(self, ms: int) -> None:
         for _ in range(ms):
             self.now_ns += MS
-            self.heard += [(self.now_ns, data) for data in self.robot.advance(self.now_ns)]
+            self.heard += [(self.now_ns, data) for data in self.robot.host_reads(self.now_ns)]
 
     def since(self, ns: int) -> bytes:
         return b"".join(data for at_ns, data in self.heard if at_ns > ns)

@@ -105,7 +105,7 @@ def simple(*pieces: Piece, dialect: str = "streamed", **fields: object) -> WireR
 def run_to(board: ReplayedBoard, ns: int, step_ns: int = MS) -> list[bytes]:
     first_ns = board._now_ns
     return list(
-        itertools.chain.from_iterable(board.advance(at) for at in range(first_ns, ns, step_ns))
+        itertools.chain.from_iterable(board.host_reads(at) for at in range(first_ns, ns, step_ns))
     )
 
 

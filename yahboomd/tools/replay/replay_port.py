@@ -54,7 +54,7 @@ def as_configured_says(config: Config, dialect: Dialect, question: bytes) -> byt
     robot = SimulatedRobot(as_configured(config, SimulationOptions(dialect=dialect.name)))
     robot.start(0)
     robot.host_wrote(question, 0)
-    said = b"".join(robot.advance(ANSWERED_NS))
+    said = b"".join(robot.host_reads(ANSWERED_NS))
     records = [Record(0, Written(data=question)), Record(0, Received(data=said))]
     answers = connection(dialect, records).answers.get(question, [[]])
     return b"".join(piece.data for piece in answers[0])

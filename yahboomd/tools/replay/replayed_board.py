@@ -96,7 +96,7 @@ class ReplayedBoard:
 
     @property
     def next_ns(self) -> int:
-        """The next moment at which :meth:`advance` is worth calling."""
+        """The next moment at which :meth:`host_reads` is worth calling."""
         wake_ns = min(self._now_ns + WAKE_NS, self._over_ns)
         if self._answers and self._whole:
             wake_ns = min(wake_ns, self._answers[0][0])
@@ -104,7 +104,7 @@ class ReplayedBoard:
             wake_ns = min(wake_ns, self._due_ns(self.connection.stream[self._sent].at_ns))
         return max(wake_ns, self._now_ns + 1)
 
-    def advance(self, now_ns: int) -> list[bytes]:
+    def host_reads(self, now_ns: int) -> list[bytes]:
         """The chunks that the recorded board has sent by now."""
         self._now_ns = now_ns
         if now_ns >= self._over_ns:
