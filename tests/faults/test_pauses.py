@@ -91,6 +91,23 @@ async def test_what_was_commanded_before_a_pause_is_over_and_the_stop_is_the_fir
         assert not ALARMS & set(bench.heard.kinds)
 
 
+@pytest.mark.cases(2)
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_a_pause_of_a_robot_that_stands_is_no_reset(tmp_path: Path, dialect: str) -> None:
+    async with robot(tmp_path, dialect=dialect) as bench:
+        await bench.ready()
+        for _ in range(3):
+            await asyncio.sleep(1.0)
+            freeze(0.9)
+            await asyncio.sleep(1.0)
+        assert bench.controller.counters["pauses"] == 3
+        assert "odometry_discontinuity" not in bench.heard.kinds
+        assert not ALARMS & set(bench.heard.kinds)
+        await bench.drive(1.0, 0.3)
+        assert min(bench.rim_speeds) > 0.25
+
+
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("for_s", [0.6, 0.9, 1.2, 1.9])

@@ -72,7 +72,7 @@ def test_a_wheel_that_is_blocked_or_let_go_is_believed_one_reading_later(encoder
 def test_after_a_gap_that_took_no_time_nothing_is_witnessed(encoders):
     feed(encoders, (1000, 1000), 0, 0)
     assert feed(encoders, (1120, 1120), 20, 20) == "travel"
-    encoders.announce("gap")
+    encoders.announce("silence")
     assert [feed(encoders, (1240, 1240), 20, 0) for _ in range(2)] == ["held", "held"]
 
 
@@ -240,13 +240,13 @@ def test_a_notice_outlives_a_garbled_reading(encoders):
 def test_a_gap_does_not_hide_a_reset(encoders):
     feed(encoders, (50_000, 50_000), 0, 0)
     encoders.announce("reset")
-    encoders.announce("gap")
+    encoders.announce("silence")
     assert encoders.notice == "reset"
 
 
 def test_travel_that_fits_a_gap_is_kept(encoders):
     feed(encoders, (500_000, 400_000), 0, 0)
-    encoders.announce("gap")
+    encoders.announce("silence")
     assert feed(encoders, (504_000, 404_100), 2000, 2000) == "held"
     assert feed(encoders, (504_020, 404_120), 2010, 2010) == "gap_kept"
     assert encoders.totals == (4020, 4120)
@@ -254,7 +254,7 @@ def test_travel_that_fits_a_gap_is_kept(encoders):
 
 def test_after_a_gap_a_garbled_reading_is_no_witness(encoders):
     feed(encoders, (500_000, 400_000), 0, 0)
-    encoders.announce("gap")
+    encoders.announce("silence")
     # The wheel could have rolled from each to the next, but not so fast as it did before.
     assert feed(encoders, (500_400, 400_400), 400, 400) == "held"
     assert feed(encoders, (501_480, 400_480), 480, 480) == "held"
@@ -264,7 +264,7 @@ def test_after_a_gap_a_garbled_reading_is_no_witness(encoders):
 
 def test_counters_that_zero_could_have_reached_are_not_travel(encoders):
     feed(encoders, (5_000, 5_000), 0, 0)
-    encoders.announce("gap")
+    encoders.announce("silence")
     feed(encoders, (9_000, 9_000), 2000, 2000)
     assert feed(encoders, (9_020, 9_020), 2010, 2010) == "gap_lost"
     assert encoders.totals == (0, 0)
@@ -274,7 +274,7 @@ def test_counters_that_zero_could_have_reached_are_not_travel(encoders):
 
 def test_travel_that_does_not_fit_a_gap_is_lost(encoders):
     feed(encoders, (500_000, 500_000), 0, 0)
-    encoders.announce("gap")
+    encoders.announce("silence")
     feed(encoders, (700_000, 500_000), 500, 500)
     assert feed(encoders, (700_000, 500_000), 510, 510) == "gap_lost"
     assert encoders.totals == (0, 0)
@@ -282,7 +282,7 @@ def test_travel_that_does_not_fit_a_gap_is_lost(encoders):
 
 def test_counters_that_did_not_move_at_all_were_not_reset(encoders):
     feed(encoders, (5_000, -70), 0, 0)
-    encoders.announce("gap")
+    encoders.announce("silence")
     feed(encoders, (5_000, -70), 60_000, 60_000)
     assert feed(encoders, (5_000, -70), 60_010, 60_010) == "gap_kept"
 
@@ -290,16 +290,28 @@ def test_counters_that_did_not_move_at_all_were_not_reset(encoders):
 @pytest.mark.parametrize(("count", "outcome"), [(63, "gap_lost"), (64, "gap_kept")])
 def test_near_zero_a_reset_may_have_come_back_to_the_same_counts(encoders, count, outcome):
     feed(encoders, (count, -3), 0, 0)
-    encoders.announce("gap")
+    encoders.announce("away")
     feed(encoders, (count, -3), 60_000, 60_000)
     assert feed(encoders, (count, -3), 60_010, 60_010) == outcome
 
 
-def test_standing_at_zero_after_a_gap_proves_nothing(encoders):
+def test_standing_at_zero_after_a_replug_proves_nothing(encoders):
     feed(encoders, (3, 0), 0, 0)
-    encoders.announce("gap")
+    encoders.announce("away")
     feed(encoders, (3, 0), 60_000, 60_000)
-    assert feed(encoders, (3, 0), 60_010, 60_010) == "gap_lost"
+    encoders.announce("silence")
+    feed(encoders, (3, 0), 61_000, 61_000)
+    assert feed(encoders, (3, 0), 61_010, 61_010) == "gap_lost"
+
+
+@pytest.mark.parametrize(
+    ("speeds_m_s", "outcome"), [((0.0, 0.0), "gap_kept"), ((0.0, 0.02), "gap_lost")]
+)
+def test_a_silence_takes_no_travel_from_wheels_that_stood(encoders, speeds_m_s, outcome):
+    feed(encoders, (3, 0), 0, 0)
+    encoders.announce("silence", speeds_m_s=speeds_m_s)
+    feed(encoders, (3, 0), 900, 900)
+    assert feed(encoders, (3, 0), 910, 910) == outcome
 
 
 TURNING = (0.3, 0.3)
@@ -320,7 +332,7 @@ TURNING = (0.3, 0.3)
 )
 def test_wheels_that_went_on_as_before_were_not_reset(encoders, first, counts, outcome):
     feed(encoders, (first, first), 0, 0)
-    encoders.announce("gap", speeds_m_s=TURNING)
+    encoders.announce("silence", speeds_m_s=TURNING)
     now = first + counts
     feed(encoders, (now, now), 1_500, 1_500)
     assert feed(encoders, (now, now), 1_501, 1_500) == outcome
@@ -328,14 +340,14 @@ def test_wheels_that_went_on_as_before_were_not_reset(encoders, first, counts, o
 
 def test_wheels_that_stood_may_have_been_reset_near_zero(encoders):
     feed(encoders, (200, 200), 0, 0)
-    encoders.announce("gap", speeds_m_s=(0.0, 0.0))
+    encoders.announce("silence", speeds_m_s=(0.0, 0.0))
     feed(encoders, (190, 200), 1_500, 1_500)
     assert feed(encoders, (190, 200), 1_501, 1_500) == "gap_lost"
 
 
 def test_an_old_line_does_not_tell_how_far_the_wheels_went(encoders):
     feed(encoders, (500, 500), 0, 0)
-    encoders.announce("gap", speeds_m_s=TURNING)
+    encoders.announce("silence", speeds_m_s=TURNING)
     for n in range(4):
         old = 500 + 19 * n
         verdict = encoders.judge((old, old, 0, 0), (1_500 + n) * MS, 1_500 * MS, fresh=False)
@@ -348,7 +360,7 @@ def test_an_old_line_does_not_tell_how_far_the_wheels_went(encoders):
 def test_a_gap_of_days_is_never_bridged(encoders):
     days_ms = 5 * 24 * 3600 * 1000
     feed(encoders, (500_000, 500_000), 0, 0)
-    encoders.announce("gap")
+    encoders.announce("silence")
     feed(encoders, (500_100, 500_100), days_ms, days_ms)
     assert feed(encoders, (500_110, 500_110), days_ms + 10, days_ms + 10) == "gap_lost"
 
@@ -362,24 +374,29 @@ def test_the_finest_counter_bounds_how_long_a_gap_may_be(kit, hours, outcome):
     gap_ms = round(hours * 3600 * 1000)
     ahead = 1_800_000_000
     feed(encoders, (ahead, ahead), 0, 0)
-    encoders.announce("gap", unbroken=True)
+    encoders.announce("silence", unbroken=True)
     feed(encoders, (ahead + 100, ahead + 100), gap_ms, gap_ms)
     assert feed(encoders, (ahead + 110, ahead + 110), gap_ms + 10, gap_ms + 10) == outcome
 
 
 def test_a_notice_before_the_first_reading_means_nothing(encoders):
-    encoders.announce("gap")
+    encoders.announce("silence")
     assert encoders.notice == "none"
     assert feed(encoders, (5, 5), 0, 0) == "baseline"
 
 
-@given(st.lists(st.tuples(int32, int32, st.sampled_from(("none", "gap", "reset"))), max_size=40))
+@given(
+    st.lists(
+        st.tuples(int32, int32, st.sampled_from(("none", "silence", "away", "reset"))), max_size=40
+    )
+)
 def test_no_counts_whatever_make_the_totals_jump(kit, readings):
     encoders = Encoders(kit.motors(), speed_max_m_s=2.0)
     accepted_ms, now_ms, last = 0, 0, (0, 0)
     for left, right, notice in readings:
         now_ms += 10
-        encoders.announce(notice)
+        if notice != "none":
+            encoders.announce(notice)
         outcome = feed(encoders, (left, right), now_ms, now_ms - accepted_ms)
         room = 2.0 * (now_ms - accepted_ms) * 1e-3 / kit.tick_m + 1.0
         for old, new in zip(last, encoders.totals, strict=True):
@@ -407,7 +424,7 @@ def test_a_reading_repeats_the_last_one_unless_that_has_to_settle_something(enco
     feed(encoders, (1000, 1000), 0, 0)
     assert encoders.repeats((1000, 1000, 0, 0))
     assert not encoders.repeats((1000, 1001, 0, 0))
-    encoders.announce("gap")
+    encoders.announce("silence")
     assert not encoders.repeats((1000, 1000, 0, 0))
 
 

@@ -443,7 +443,7 @@ class Controller:
 
     def board_reset(self, version: str) -> None:
         """Handle a restart of the board: its motors are free, and its command is lost."""
-        self._resets.announced(version)
+        self._resets.restarted(f"The board reset itself (firmware {version})")
 
     def leaving(self) -> None:
         """Note that the session with the board ends; it stops the wheels by itself."""

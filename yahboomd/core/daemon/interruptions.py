@@ -103,9 +103,6 @@ class Resets:
         self._outputs = outputs
         self._watch = ResetWatch()
 
-    def announced(self, version: str) -> None:
-        self._restarted(f"The board reset itself (firmware {version})")
-
     def interrupted(
         self,
         event: Event,
@@ -135,14 +132,15 @@ class Resets:
             if self._wheels.noisy:
                 # Lost digits look the same: they must not add up to a loop.
                 self._watch.clear()
-            self._restarted("The board reset itself without its start message")
-        if cause in {"reset_unseen", "gap_lost", "rebased"}:
+            self.restarted("The board reset itself without its start message")
+        unmoved = cause == "gap_kept" and not data.get("counted_m")
+        if unmoved or cause in {"reset_unseen", "gap_lost", "rebased"}:
             # A board that was not sent its motors' type turns no wheel: that they stood until now
             # is no fault of theirs.
             self._wheels.restart_check()
             self._wheels.rearm()
 
-    def _restarted(self, what: str) -> None:
+    def restarted(self, what: str) -> None:
         now_ns = self._clock.now_ns()
         in_motion = self._wheels.in_motion
         self._limiter.halt()

@@ -153,7 +153,6 @@ class Poller:
         since_arm_s = seconds(self._clock.now_ns() - self._rearmed_ns)
         if since_arm_s > REARM_AFTER_S:
             self.counters["rearmed"] += 1
-            self._after_gap = True
             self.arm()
 
     def arm(self) -> None:

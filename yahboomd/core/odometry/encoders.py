@@ -66,7 +66,8 @@ Outcome: TypeAlias = Literal[
     "rebased",  # the counters jumped for no known reason: nothing is counted
 ]
 
-Notice: TypeAlias = Literal["none", "gap", "reset"]
+Notice: TypeAlias = Literal["none", "silence", "away", "reset"]
+"""What came between two readings: nothing, no line, no port, or a reset that the board reported."""
 
 
 class Verdict(msgspec.Struct, frozen=True, kw_only=True):
@@ -101,7 +102,7 @@ class Encoders:
 
     __slots__ = (
         "_channels _ns_per_tick _ticks_per_m _zero _still _paces _pace _turned _last _suspect "
-        "_notice _unbroken _went totals"
+        "_unbroken _went notice totals"
     ).split()
 
     def __init__(self, motors: tuple[Motor, ...], *, speed_max_m_s: float) -> None:
@@ -116,26 +117,23 @@ class Encoders:
         self._turned = False
         self._last: Counts | None = None
         self._suspect: tuple[Counts, int, int] | None = None
-        self._notice: Notice = "none"
+        self.notice: Notice = "none"
         self._unbroken = False
         self._went = self._still  # counts per nanosecond before a gap
         self.totals: tuple[int, ...] = self._zero
 
-    @property
-    def notice(self) -> Notice:
-        return self._notice
-
     def announce(
         self, notice: Notice, *, unbroken: bool = False, speeds_m_s: tuple[float, ...] | None = None
     ) -> None:
-        """Remember a reset or a gap until two readings settle it; a reset outweighs a gap.
+        """Remember it until two readings settle it: the worst of several.
 
         Args:
             unbroken: The board was certainly not reset in that gap.
             speeds_m_s: Speeds of the wheels before it.
         """
-        if self._last is not None and self._notice != "reset" and notice != "none":
-            self._notice = notice
+        if self._last is not None and self.notice != "reset":
+            if (self.notice, notice) != ("away", "silence"):
+                self.notice = notice
             self._unbroken = unbroken
             self._suspect = None
             pairs = zip(speeds_m_s or self._still, self._ticks_per_m, strict=True)
@@ -160,7 +158,7 @@ class Encoders:
 
     def repeats(self, ticks: Counts) -> bool:
         """Whether a reading equals the last accepted one; then nothing is left to judge."""
-        if ticks != self._last or self._notice != "none":
+        if ticks != self._last or self.notice != "none":
             return False
         self._suspect = None
         return True
@@ -186,7 +184,7 @@ class Encoders:
         last = self._last
         if last is None:
             return Verdict(outcome="baseline", ticks=ticks, deltas=self._zero)
-        if self._notice == "none":
+        if self.notice == "none":
             if ticks == last:
                 self._suspect = None
                 return Verdict(outcome="travel", ticks=last, deltas=self._zero)
@@ -206,9 +204,7 @@ class Encoders:
                     strayed=strayed,
                 )
         agreed = 1 + self._agreed(ticks, sent_ns)
-        sure = self._notice == "gap" and self._witnessed(
-            self.since(last, ticks), ticks, sent_ns, elapsed_ns
-        )
+        sure = self._witnessed(self.since(last, ticks), ticks, sent_ns, elapsed_ns)
         self._suspect = (ticks, sent_ns, agreed)
         return self._settle(last, ticks, elapsed_ns, agreed, sure=sure, fresh=fresh)
 
@@ -216,7 +212,7 @@ class Encoders:
         self._last = verdict.ticks
         if verdict.outcome != "travel":
             self._suspect = None
-            self._notice = "none"
+            self.notice = "none"
             self._paces = ()
             self._pace = self._still
         elif verdict.deltas is self._zero:
@@ -336,10 +332,13 @@ class Encoders:
         near_zero = self.least_ns(from_zero) <= elapsed_ns
         # These counts share their one tick of grace with the next step.
         room_ns = elapsed_ns - max(self._ns_per_tick)
-        if self._notice == "gap":
+        if self.notice in {"silence", "away"}:
             if not sure:
                 return held
-            untouched = not any(travel) and max(map(abs, from_zero)) >= UNMISTAKABLE_TICKS
+            far = max(map(abs, from_zero)) >= UNMISTAKABLE_TICKS
+            # Nobody carried it away, and a reset of wheels that stood loses no travel.
+            rested = self.notice == "silence" and not any(self._went)
+            untouched = not any(travel) and (far or rested)
             # Beyond half the range the counters may have wrapped more than once.
             fits = self.least_ns(travel) <= room_ns < HALF * min(self._ns_per_tick)
             if untouched or (fits and (self._unbroken or not near_zero)):
@@ -350,7 +349,7 @@ class Encoders:
             if fits and self._expected(travel, from_zero, elapsed_ns):
                 return Verdict(outcome="gap_kept", ticks=ticks, deltas=travel)
             return Verdict(outcome="gap_lost", ticks=ticks, deltas=self._zero)
-        announced = self._notice == "reset"
+        announced = self.notice == "reset"
         if self.least_ns(from_zero) <= room_ns and (announced or self._fell(travel, ticks)):
             outcome: Outcome = "reset" if announced else "reset_unseen"
             if not announced and agreed < AGREE_RESET:

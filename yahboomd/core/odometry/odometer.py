@@ -287,7 +287,9 @@ class Odometer:
         elif reading.after_gap or sent_ns - self._heard_ns > SILENCE_NS:
             # A stream that ran before the request has run since the last reading that counted.
             encoders.announce(
-                "gap", unbroken=reading.unbroken and self._armed <= 1, speeds_m_s=self._speeds
+                "away" if reading.after_gap else "silence",
+                unbroken=reading.unbroken and self._armed <= 1,
+                speeds_m_s=self._speeds,
             )
         self._heard_ns = sent_ns
         # At the end of a session, requests are sent whose time is not known.
