@@ -96,6 +96,7 @@ async def test_wild_driving_with_healthy_motors_raises_no_alarm(
         assert bench.standing
 
 
+@pytest.mark.nightly
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("limits", [[], UNLIMITED], ids=["limited", "unlimited"])
 @pytest.mark.parametrize("dialect", DIALECTS)

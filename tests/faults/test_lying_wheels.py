@@ -230,6 +230,7 @@ async def test_a_wheel_that_does_not_begin_to_turn_is_let_go_until_another_comma
         assert bench.controller.state()[0] == "driving"
 
 
+@pytest.mark.nightly
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("dead_zone", [1600, 1900])
 @pytest.mark.parametrize(("speed", "half_s"), [(0.07, 0.3), (0.07, 0.5), (0.03, 0.6), (0.02, 1.0)])

@@ -272,6 +272,7 @@ async def test_a_sunrise_has_its_own_limits_in_the_words_of_its_silence(
         assert f"voltage becomes. {words}" in why
 
 
+@pytest.mark.nightly
 @on_virtual_time
 async def test_the_voltage_comes_once_in_a_period_though_it_is_reported_all_the_time(
     tmp_path: Path,

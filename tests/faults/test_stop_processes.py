@@ -108,6 +108,7 @@ def no_core() -> Iterator[None]:
     resource.setrlimit(resource.RLIMIT_CORE, limits)
 
 
+@pytest.mark.nightly
 @pytest.mark.cases(1)
 @pytest.mark.usefixtures("no_core")
 @pytest.mark.parametrize("name", ["SIGQUIT", "SIGRTMAX"])
@@ -209,6 +210,7 @@ def test_a_daemon_that_cannot_see_the_wheels_stand_is_not_suspended_and_ends_wit
     assert "did not see the wheels stand" in robot.daemon.output
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "dialect", ["rosmaster", pytest.param("streamed", marks=pytest.mark.nightly)]
 )

@@ -179,6 +179,7 @@ def test_a_signal_that_arrives_twice_is_logged_once(
     assert made.output.count("SIGTERM: stopping the wheels") == 1
 
 
+@pytest.mark.nightly
 def test_a_port_that_is_named_is_taken_and_nothing_simulated(
     started: Callable[..., tuple[MakeRun, str]], client: Callable[..., Client]
 ) -> None:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import ast
+import functools
 from pathlib import Path
 from typing import get_args
 
 import msgspec
-import pytest
 
 from yahboomd.core.drive.faults import FaultKind
 from yahboomd.core.model import EventKind, Severity
@@ -16,6 +16,7 @@ from yahboomd.tools.schemas.event_kinds import EVENTS, KINDS, PausedData
 SOURCE = Path(__file__).parents[2] / "yahboomd"
 
 
+@functools.cache
 def calls() -> list[tuple[str, dict[str, ast.expr]]]:
     """Every place that makes an event, and its arguments."""
     found = []
@@ -27,9 +28,6 @@ def calls() -> list[tuple[str, dict[str, ast.expr]]]:
                 where = f"{path.relative_to(SOURCE)}:{node.lineno}"
                 found.append((where, {str(each.arg): each.value for each in node.keywords}))
     return found
-
-
-CALLS = calls()
 
 
 def words(node: ast.expr) -> list[str]:
@@ -56,24 +54,24 @@ def test_every_message_of_events_names_the_kinds_that_it_is_for():
 
 
 def test_every_kind_is_published_somewhere():
-    assert {kind for _, passed in CALLS for kind in kinds(passed)} == KINDS.keys()
+    assert {kind for _, passed in calls() for kind in kinds(passed)} == KINDS.keys()
 
 
-@pytest.mark.parametrize(("where", "passed"), CALLS, ids=[where for where, _ in CALLS])
-def test_every_place_that_publishes_fits_the_registry(where, passed):
-    for kind in kinds(passed):
-        info = KINDS[kind]
-        severities = words(passed["severity"])
-        assert severities
-        if len(words(passed["kind"])) == 1:
-            assert set(severities) == set(info.severities), where
-        assert ("wheel" in passed) == info.wheel
-        data = passed.get("data")
-        assert (data is None) == (info.data is None)
-        if info.data is not None:
-            assert isinstance(data, ast.Dict)
-            keys = [key.value for key in data.keys if isinstance(key, ast.Constant)]
-            assert keys == list(info.data.__struct_fields__)
+def test_every_place_that_publishes_fits_the_registry():
+    for where, passed in calls():
+        for kind in kinds(passed):
+            info = KINDS[kind]
+            severities = words(passed["severity"])
+            assert severities, where
+            if len(words(passed["kind"])) == 1:
+                assert set(severities) == set(info.severities), where
+            assert ("wheel" in passed) == info.wheel, where
+            data = passed.get("data")
+            assert (data is None) == (info.data is None), where
+            if info.data is not None:
+                assert isinstance(data, ast.Dict), where
+                keys = [key.value for key in data.keys if isinstance(key, ast.Constant)]
+                assert keys == list(info.data.__struct_fields__), where
 
 
 def test_every_kind_is_described():

@@ -20,7 +20,7 @@ from yahboomd.simulation.motors import MotorFaults
 from yahboomd.simulation.options import PLAIN_GAIN
 from yahboomd.simulation.virtual_time import on_virtual_time
 
-WAVE = tuple((0.02 * i, 0.15 * math.sin(0.08 * i)) for i in range(1, 70))
+WAVE = tuple((0.02 * i, 0.15 * math.sin(0.08 * i)) for i in range(1, 36))
 BASE = Base(
     way=SpeedLimits(speed=1.0, acceleration=2.5, braking=5.0, jerk=math.inf),
     turn=SpeedLimits(speed=6.0, acceleration=12.0, braking=24.0, jerk=math.inf),

@@ -318,6 +318,7 @@ def test_events_are_on_the_graphs_one_log_and_a_late_node_gets_them(
         assert line["msg"].startswith("Emergency stop engaged by a sample")
 
 
+@pytest.mark.nightly
 def test_the_node_answers_for_its_parameters(
     run: Callable[..., RealRobot], client: Callable[..., Client], oracle: Oracle
 ) -> None:

@@ -89,6 +89,7 @@ def zenoh_file(folder: Path, name: str, papers: dict[str, Any]) -> Path:
     return file
 
 
+@pytest.mark.nightly
 def test_an_operator_has_moves_driven_and_a_viewer_neither_starts_them_nor_keeps_them_alive(
     house: tuple[RealRobot, Callable[[str], dict[str, Any]]],
     app: Callable[..., Any],
@@ -328,6 +329,7 @@ def test_others_drive_through_a_node_that_listens_and_reach_none_that_is_a_clien
         )
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("house", ["certificates"], indirect=True)
 def test_a_viewer_who_floods_the_estop_costs_the_operator_none_of_his_stops(
     house: tuple[RealRobot, Callable[[str], dict[str, Any]]], app: Callable[..., Any]

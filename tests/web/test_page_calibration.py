@@ -217,6 +217,7 @@ async def test_a_whole_calibration_is_written_where_the_robots_daemon_reads_it_a
     assert not (await use(page, "undo_calibration"))["ok"]
 
 
+@pytest.mark.nightly
 @pytest.mark.realtime
 async def test_holds_with_an_old_beat_move_nothing_and_are_refused_with_the_reason(
     site: Start, robot: RealRobot
@@ -232,6 +233,7 @@ async def test_holds_with_an_old_beat_move_nothing_and_are_refused_with_the_reas
     assert robot.truth()[-1].travel_m == before.travel_m
 
 
+@pytest.mark.nightly
 @pytest.mark.realtime
 async def test_another_page_watches_and_when_it_takes_control_the_wizard_ends(
     site: Start, robot: RealRobot, state: Path
@@ -251,6 +253,7 @@ async def test_another_page_watches_and_when_it_takes_control_the_wizard_ends(
     assert not state.exists()
 
 
+@pytest.mark.nightly
 @pytest.mark.realtime
 async def test_a_server_that_is_killed_in_mid_run_leaves_neither_motion_nor_a_file(
     robot: RealRobot, tmp_path: Path, state: Path

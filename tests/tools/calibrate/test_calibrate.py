@@ -67,6 +67,7 @@ class Dialogue:
                 return begin, await asyncio.to_thread(robot.settled_truth)
 
 
+@pytest.mark.nightly
 async def test_a_straight_and_turns_give_the_true_size_to_the_file_that_the_daemon_reads(
     robot: RealRobot, terminal: Any, tmp_path: Path
 ) -> None:
@@ -89,7 +90,6 @@ async def test_a_straight_and_turns_give_the_true_size_to_the_file_that_the_daem
     assert chassis.wheel_separation_multiplier == pytest.approx(TRUE_TRACK_M / 0.150, rel=5e-3)
 
 
-@pytest.mark.nightly
 async def test_ctrl_c_in_mid_run_stops_the_wheels_and_writes_nothing(
     robot: RealRobot, terminal: Any, tmp_path: Path
 ) -> None:

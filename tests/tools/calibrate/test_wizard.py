@@ -153,7 +153,7 @@ async def test_a_turn_to_the_other_side_is_refused_and_names_the_exchanged_plugs
         assert driver.gyro_rad == 0.0
 
 
-@pytest.mark.parametrize("stick", [1.0, 1.2])
+@pytest.mark.parametrize("stick", [pytest.param(1.0, marks=pytest.mark.nightly), 1.2])
 @on_virtual_time
 async def test_the_speed_at_which_wheels_begin_to_turn_is_written_and_read(
     tmp_path: Path, stick: float

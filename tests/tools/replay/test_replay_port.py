@@ -35,6 +35,7 @@ def recorded(folder: Path, dialect: str) -> tuple[Path, WireBench]:
     return folder / "box", bench
 
 
+@pytest.mark.nightly
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", ["streamed", "polled", "rosmaster"])
 def test_a_real_daemon_takes_the_recording_for_the_board_and_ends_where_the_robot_did(

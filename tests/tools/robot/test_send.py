@@ -103,6 +103,7 @@ def test_a_signal_stops_the_robot_before_its_time(
     one_robot.settled_truth()
 
 
+@pytest.mark.nightly
 def test_an_emergency_stop_ends_it_with_the_daemons_reason(
     one_robot: RealRobot,
     sending: Callable[..., subprocess.Popen[str]],

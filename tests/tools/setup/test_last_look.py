@@ -41,7 +41,9 @@ def written(found: SetupOutcome) -> str:
     return as_toml(found.description, found.wiring, gear=found.gear.words)
 
 
-@pytest.mark.parametrize("drive", ["differential", "skid_steer"])
+@pytest.mark.parametrize(
+    "drive", ["differential", pytest.param("skid_steer", marks=pytest.mark.nightly)]
+)
 @on_virtual_time
 async def test_a_robot_that_is_as_described_is_seen_to_be(drive: str) -> None:
     bench, person = robot(drive=drive, wiring=FOUR_WHEELS if drive == "skid_steer" else TWO_WHEELS)
@@ -54,7 +56,7 @@ async def test_a_robot_that_is_as_described_is_seen_to_be(drive: str) -> None:
 GEARS = ["520", "520-1:19", "520-1:56", "l520"]
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("true", "profile"),
     [*zip(GEARS, GEARS, strict=True), *zip(GEARS, [*GEARS[1:], GEARS[0]], strict=True)],
@@ -71,7 +73,7 @@ async def test_a_profile_with_another_gear_is_replaced_by_the_one_that_fits(
     assert person.turned <= 1.0
 
 
-@pytest.mark.parametrize("agrees", ["y", "n"])
+@pytest.mark.parametrize("agrees", ["y", pytest.param("n", marks=pytest.mark.nightly)])
 @on_virtual_time
 async def test_an_x3_whose_wheels_count_1040_stays_an_x3(agrees: str) -> None:
     stored = RosmasterStored(car_type=1)
@@ -97,6 +99,7 @@ async def test_an_x3_whose_wheels_count_1040_stays_an_x3(agrees: str) -> None:
     assert ("ticks_per_revolution = 1040" in text.replace("\n# ", " ")) is True
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     "lies", [{"Which way did": ["b"]}, {"Which wheel turned?": ["2", "0", "1"]}], ids=str
 )
@@ -111,7 +114,7 @@ async def test_a_wrong_answer_is_found_before_the_file_is_written(
     assert sum("M1 turns" in each for each in person.questions) == 2
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("last", ["y, and all", "Did every", "\nTurn the mark", "Is the mark"])
 @on_virtual_time
 async def test_unanswered_the_file_has_a_line_that_the_gear_was_not_checked(last: str) -> None:

@@ -189,7 +189,9 @@ async def test_however_it_is_ended_in_a_pulse_the_wheels_stand_and_no_file_is_th
     assert stopped.returncode == 0, stopped.stderr
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+@pytest.mark.parametrize(
+    "number", [signal.SIGKILL, pytest.param(signal.SIGSTOP, marks=pytest.mark.nightly)]
+)
 async def test_killed_or_hung_in_a_pulse_the_wheels_are_stopped_by_the_guard(
     board, terminal, tmp_path, number
 ) -> None:

@@ -73,7 +73,7 @@ async def drives_straight_and_turns_left(
         assert "runaway_against" not in robot.heard.kinds
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("plugs", SELECTED, ids=str)
 @on_virtual_time
 async def test_four_wheels_however_they_are_connected_are_found_and_drive(
@@ -90,7 +90,7 @@ async def test_four_wheels_however_they_are_connected_are_found_and_drive(
     await drives_straight_and_turns_left(bench, found, tmp_path)
 
 
-@pytest.mark.cases(3)
+@pytest.mark.cases(2)
 @pytest.mark.parametrize(
     ("dialect", "by_hand", "plugs"),
     [
@@ -168,7 +168,7 @@ async def test_a_board_that_divides_a_motion_itself_has_its_plugs_named(
     await drives_straight_and_turns_left(bench, found, tmp_path)
 
 
-@pytest.mark.cases(3)
+@pytest.mark.cases(2)
 @pytest.mark.parametrize(
     ("faults", "found_faults"),
     [

@@ -57,34 +57,10 @@ async def test_gains_that_chatter_are_followed_by_trial_ones_which_show_the_moto
     assert result.writes == len(writes(bench)) <= MOST_WRITES
 
 
-@on_virtual_time
-async def test_what_the_board_stores_is_saved_before_the_first_write() -> None:
-    bench = TuningBench("520", "oscillates")
-    procedure = bench.procedure()
-    await procedure.examine()
-    assert writes(bench) == []
-
-    def save(_dialect, settings):
-        assert writes(bench) == []
-        bench.saved.append(settings)
-
-    assert await procedure.store(bench.agree, save)
-    whole = {"motor_type": 1, "lines": 11, "ratio": 30, "wheel_diameter_mm": 67.0}
-    assert bench.saved == [procedure.result.stored_before | whole]
-    assert procedure.result.stored_before == {"pid": (0.3, 0.6, 0.0), "deadzone": 1600}
-    assert len(writes(bench)) == procedure.result.writes == 2
-    announced = [line for line in bench.said if line.startswith("writing to the board's flash")]
-    assert announced == [
-        "writing to the board's flash, which restarts the board: gains P, I, D "
-        + ",".join(f"{gain:.3f}" for gain in bench.asked[0]["pid"]),
-        f"writing to the board's flash: dead zone {bench.asked[0]['deadzone']}",
-    ]
-    assert procedure.result.resets == 1
-
-
 FLOORS = {"friction_scales": (1.0, 1.1), "loop_gain": PLAIN_GAIN}
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("friction", "stick", "start"),
     [
@@ -274,7 +250,9 @@ class Ends(list[str]):
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("how", ["fault", "signal"])
 @on_virtual_time
-async def test_a_tuning_that_ends_early_leaves_the_board_as_it_was(how: str) -> None:
+async def test_a_tuning_that_ends_early_leaves_the_board_as_it_was_saved(
+    how: str,
+) -> None:
     bench = TuningBench("520", "oscillates")
     before = bench.link.robot.board.flash
     task = asyncio.current_task()
@@ -289,11 +267,23 @@ async def test_a_tuning_that_ends_early_leaves_the_board_as_it_was(how: str) -> 
             now_ns = bench.link.clock.now_ns()
             bench.link.robot.set_faults("left", FAULTS["encoder-dead"], now_ns=now_ns)
 
+    def save(_dialect, settings):
+        assert writes(bench) == []
+        bench.saved.append(settings)
+
     bench.said = Ends(end)
     procedure = bench.procedure()
     await procedure.examine()
     with pytest.raises((BoardError, asyncio.CancelledError)):
-        await procedure.store(bench.agree, bench.save)
+        await procedure.store(bench.agree, save)
+    assert procedure.result.stored_before == {"pid": (0.3, 0.6, 0.0), "deadzone": 1600}
+    whole = {"motor_type": 1, "lines": 11, "ratio": 30, "wheel_diameter_mm": 67.0}
+    assert bench.saved == [procedure.result.stored_before | whole]
+    announced = [line for line in bench.said if line.startswith("writing to the board's flash")]
+    assert announced[0] == (
+        "writing to the board's flash, which restarts the board: gains P, I, D "
+        + ",".join(f"{gain:.3f}" for gain in bench.asked[0]["pid"])
+    )
     task.uncancel()
     assert written[0] != before
     assert procedure.restored
