@@ -383,6 +383,15 @@ def test_a_source_commands_motion_for_a_second_after_any_command_that_asks_for_i
     assert arbiter.moving_sources(6 * S) == ()
 
 
+def test_who_commanded_motion_before_a_pause_may_command_it_for_a_second_after_it(
+    arbiter: Arbiter,
+) -> None:
+    arbiter.offer("cmd_vel", FORWARD, S)
+    arbiter.paused(S + 100 * MS, 60 * S, waited_ns=0)
+    assert arbiter.moving_sources(61 * S - 1) == ("cmd_vel",)
+    assert arbiter.moving_sources(61 * S) == ()
+
+
 def test_a_source_that_commands_zero_commands_no_motion(arbiter: Arbiter) -> None:
     for n in range(100):
         arbiter.offer("cmd_vel", STANDSTILL, n * MS)

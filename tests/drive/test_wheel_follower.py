@@ -325,6 +325,20 @@ def test_a_single_count_does_not_begin_the_silence_again(count: int, speed: floa
     assert found == [(140, "no_counts")]
 
 
+@pytest.mark.parametrize(("then", "kind"), [(0.2, "no_counts"), (-0.3, "not_started")])
+def test_a_wheel_that_stops_is_at_fault_onward_and_may_need_time_to_turn_round(
+    then: float, kind: str
+) -> None:
+    watch, now_ns = rolling(0.3)
+    watch.command(now_ns, then)
+    found = [
+        fault.kind
+        for n in range(1, 300)
+        for fault in read(watch, now_ns + (n - 1) * 10 * MS, now_ns + n * 10 * MS, 0.0, 0)
+    ]
+    assert found[:1] == [kind]
+
+
 @pytest.mark.parametrize("commanded", [0.3, -0.3])
 def test_a_line_that_is_held_up_excuses_silence_for_a_second(commanded: float) -> None:
     watch, now_ns = rolling(commanded)

@@ -436,6 +436,7 @@ def test_a_gyro_that_once_turned_with_the_wheels_keeps_its_sign_whatever_slips(b
 def test_a_gyro_of_the_wrong_sign_costs_nothing_that_the_variance_does_not_have(
     base: Base, rate: float
 ) -> None:
+    base.heading.reset()
     for _ in range(200):
         base.step(rate, -rate, truth=rate)
         # Within the second that shows the sign, at most what it added in this step is missing.
