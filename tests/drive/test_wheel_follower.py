@@ -435,6 +435,20 @@ def test_wheels_that_were_let_go_may_turn_as_they_like() -> None:
     assert drive(model, [(0, None)], until_ns=3 * S) == []
 
 
+@pytest.mark.parametrize("speed", [0.4, -0.4])
+def test_a_wheel_that_was_let_go_and_is_held_again_may_roll_for_a_moment(speed: float) -> None:
+    watch = follower()
+    for command in (speed, None, 0.0):
+        watch.command(0, command)
+    found = [
+        n * 10
+        for n in range(1, 100)
+        for _ in read(watch, (n - 1) * 10 * MS, n * 10 * MS, speed, round(speed * 100))
+    ]
+    # From half a metre per second it slows down as the slowest motor does, to 0.2 m/s.
+    assert found[0] == pytest.approx(400 * math.log(0.5 / 0.2) + 40, abs=20)
+
+
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_wheels_commanded_while_they_coast_raise_no_alarm(way: float) -> None:
     check = believing(["left"])
