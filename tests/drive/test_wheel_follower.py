@@ -13,6 +13,7 @@ from sticking_base import believing, follower
 from yahboomd.core.drive.faults import Fault
 from yahboomd.core.drive.follow_check import FollowCheck
 from yahboomd.core.drive.limiter import AxisCaps, Limiter
+from yahboomd.core.drive.loop_law import LoopLaw
 from yahboomd.core.drive.wheel_follower import Step, WheelFollower
 from yahboomd.core.model import Twist2d
 
@@ -325,6 +326,26 @@ def test_a_single_count_does_not_begin_the_silence_again(count: int, speed: floa
     assert found == [(140, "no_counts")]
 
 
+@pytest.mark.parametrize(("pace", "kind"), [(0.16, "no_counts"), (0.14, "not_started")])
+def test_a_wheel_that_stops_is_at_fault_if_it_rolled_at_half_its_setpoint(
+    pace: float, kind: str
+) -> None:
+    watch = follower()
+    watch.command(0, 0.3)
+    found = [
+        fault.kind
+        for n in range(1, 300)
+        for fault in read(
+            watch,
+            (n - 1) * 20 * MS,
+            n * 20 * MS,
+            pace if n < 20 else 0.0,
+            round(pace * 0.02 / METRES_PER_TICK) if n < 20 else 0,
+        )
+    ]
+    assert found[:1] == [kind]
+
+
 @pytest.mark.parametrize(("then", "kind"), [(0.2, "no_counts"), (-0.3, "not_started")])
 def test_a_wheel_that_stops_is_at_fault_onward_and_may_need_time_to_turn_round(
     then: float, kind: str
@@ -337,6 +358,22 @@ def test_a_wheel_that_stops_is_at_fault_onward_and_may_need_time_to_turn_round(
         for fault in read(watch, now_ns + (n - 1) * 10 * MS, now_ns + n * 10 * MS, 0.0, 0)
     ]
     assert found[:1] == [kind]
+
+
+def test_a_wheel_among_turning_ones_has_50_ms_to_begin_however_quick_its_loop_is() -> None:
+    watch, quick = follower(), LoopLaw(per_m_s=10.0, per_m=0.0)
+    watch.command(-1, 0.5)
+    found = [
+        (n * 10, fault.kind)
+        for n in range(1, 20)
+        for fault in watch.measure(
+            Step(before_ns=(n - 1) * 10 * MS, now_ns=n * 10 * MS, law=quick, farthest_m=0.01),
+            0.0,
+            0,
+            0.0,
+        )
+    ]
+    assert found[0] == (50, "not_started")
 
 
 @pytest.mark.parametrize("commanded", [0.3, -0.3])
