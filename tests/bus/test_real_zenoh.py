@@ -484,7 +484,7 @@ async def test_a_frozen_subscriber_holds_up_neither_put_nor_the_others(zenoh_app
     )
     async with Bus(options) as bus:
         publisher = bus.publisher(keys.POSE)
-        script = Path(__file__).parents[1] / "plugins" / "zenoh_listener_process.py"
+        script = Path(__file__).with_name("zenoh_listener_process.py")
         frozen = await asyncio.to_thread(
             subprocess.Popen,
             [sys.executable, str(script), bus.options.listen[0], "bot1/**"],

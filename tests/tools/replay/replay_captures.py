@@ -1,8 +1,8 @@
 """The captures of `tests/tools/replay/captures`: short drives of simulated boards, as black boxes.
 
-`PYTHONPATH=.:tests/plugins python tests/plugins/replay_captures.py` makes them again, with their
-golden poses. They begin with a fresh odometer and hold no later state of it, so that they can be
-computed by any version.
+`PYTHONPATH=.:tests/plugins python tests/tools/replay/replay_captures.py` makes them again, with
+their golden poses. They begin with a fresh odometer and hold no later state of it, so that they
+can be computed by any version.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from yahboomd.simulation import virtual_time
 from yahboomd.simulation.options import ImpairmentOptions
 from yahboomd.tools.replay.replayed_poses import KINDS
 
-FOLDER = Path(__file__).parents[1] / "tools" / "replay" / "captures"
+FOLDER = Path(__file__).with_name("captures")
 
 HEADINGS = {"streamed": "wheels", "polled": "wheels", "rosmaster": "fused"}
 """The boards, each with the heading that it is recorded with."""
