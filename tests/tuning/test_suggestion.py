@@ -49,6 +49,14 @@ def test_a_motor_that_is_off_by_a_quarter_still_overshoots_little(gain, lag_s, g
     assert overshoot(off, found.gains) < 0.12
 
 
+def test_with_coarse_counts_a_motor_that_is_off_by_a_quarter_overshoots_by_6_percent_at_most():
+    model = msgspec.structs.replace(MOTOR, gain=6.6, lag_s=0.1)
+    gains = suggest([model], 200.0, tick_s=TICK_S, count=0.5).gains
+    off = msgspec.structs.replace(model, gain=model.gain * OFF, lag_s=model.lag_s / OFF)
+    travel = run(off, gains, 200.0, tick_s=TICK_S, ticks=150, count=0.5)
+    assert max(after - before for before, after in pairwise(travel)) <= 1.06 * 200.0 * TICK_S
+
+
 def test_one_set_of_gains_is_for_all_motors():
     others = [
         MOTOR,
