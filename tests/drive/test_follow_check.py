@@ -368,6 +368,14 @@ def test_a_single_reversed_encoder_is_not_called_crossed() -> None:
     assert "phases are not swapped" in found.message
 
 
+def test_the_encoder_of_a_wheel_commanded_to_stand_is_not_called_crossed() -> None:
+    check = believing(["left", "right"])
+    check.command(0, [-0.2, 0.0])
+    found = [f for n in range(20) for f in check.measure(n * 20 * MS, [0.3, -0.3], [28, -28])]
+    assert {fault.kind for fault in found} == {"runaway_against", "runaway_fast"}
+    assert not any("crossed" in fault.message for fault in found)
+
+
 # A wheel or the line.
 
 RUNAWAY = Fault(kind="runaway_fast", motor="left", message="It runs.", action="cut")

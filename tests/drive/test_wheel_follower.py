@@ -360,6 +360,20 @@ def test_a_wheel_that_stops_is_at_fault_onward_and_may_need_time_to_turn_round(
     assert found[:1] == [kind]
 
 
+@pytest.mark.parametrize(("ticks", "found"), [(2, []), (1, [140])])
+def test_two_counts_at_the_end_of_a_silence_wait_for_the_next_reading(
+    ticks: int, found: list[int]
+) -> None:
+    watch, now_ns = rolling(0.3)
+    assert found == [
+        n * 10
+        for n in range(1, 16)
+        for _ in read(
+            watch, now_ns + (n - 1) * 10 * MS, now_ns + n * 10 * MS, 0.0, ticks if n > 13 else 0
+        )
+    ]
+
+
 def test_a_wheel_among_turning_ones_has_50_ms_to_begin_however_quick_its_loop_is() -> None:
     watch, quick = follower(), LoopLaw(per_m_s=10.0, per_m=0.0)
     watch.command(-1, 0.5)
