@@ -12,6 +12,7 @@ import zlib
 from collections import defaultdict
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
 from pathlib import Path
+from types import FunctionType
 from typing import Any
 
 import pytest
@@ -61,6 +62,14 @@ def pytest_collection() -> Iterator[None]:
     finally:
         gc.freeze()
         gc.enable()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_pycollect_makeitem(collector: pytest.Collector, obj: object) -> list[Any] | None:
+    """Make no item of a nightly test where none runs: each worker would, for all their cases."""
+    marks = obj.__dict__.get("pytestmark", ()) if isinstance(obj, FunctionType) else ()
+    nightly = any(mark.name == "nightly" for mark in marks)
+    return [] if nightly and collector.config.option.markexpr == "not nightly" else None
 
 
 @pytest.hookimpl(tryfirst=True)

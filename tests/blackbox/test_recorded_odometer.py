@@ -70,7 +70,7 @@ async def test_poses_from_a_box_are_those_that_were_published_to_the_last_bit(
     async with bench:
         await bench.ready()
         for round_number in range(4):
-            for _ in range(4):
+            for _ in range(2):
                 await bench.drive(1.0, chance.uniform(-0.3, 0.4), chance.uniform(-1.0, 1.0))
             compared += assert_same_to_the_last_bit(box(), bench.heard.estimates)
             bench.robot.impairments.change(corruption=0.002 * (round_number % 2))

@@ -151,6 +151,7 @@ async def test_a_start_that_the_port_holds_back_accuses_no_wheel(
         assert min(bench.rim_speeds) > 0.25
 
 
+@pytest.mark.nightly
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("dialect", "loss"),

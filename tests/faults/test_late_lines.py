@@ -325,8 +325,8 @@ async def test_whatever_the_tick_of_the_board_the_twist_is_true_and_the_pose_is_
         await bench.drive(6.0, 0.3)
         settled = len(bench.heard.estimates)
         # To and fro, so that a lag that grows has time to, and digits stay.
-        for way in (1, -1) * 2:
-            await bench.drive(4.0, 0.3 * way)
+        for way in (1, -1):
+            await bench.drive(5.0, 0.3 * way)
             late_ns = bench.clock.now_ns() - bench.heard.estimates[-1].stamp_ns
             assert late_ns < 60_000_000 + 1e9 * tick_s
         bench.robot.advance(bench.clock.now_ns())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -25,6 +25,7 @@ __all__ = [
     "on_robot",
     "one_robot",
     "patience",
+    "pytest_runtest_teardown",
     "simulated_board",
     "terminal",
     "yahboomd",
@@ -52,19 +53,31 @@ def _patient(ask: Callable[..., Any]) -> Callable[..., Any]:
     return patient
 
 
-@pytest.fixture(scope="module")
-def one_robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealRobot]:
+_running: list[RealRobot] = []
+
+
+@pytest.fixture
+def one_robot(tmp_path_factory: pytest.TempPathFactory) -> RealRobot:
     """A real daemon on a simulated board for many tests, which leave it ready to drive.
 
     Tests that use it are marked ``xdist_group("one_robot")``: they share its state.
     """
-    made = RealRobot(tmp_path_factory.mktemp("robot"))
-    made.daemon.says("Connected to")
-    application = Client("client", made.endpoint)
-    application.in_state("standing")
-    application.close()
-    yield made
-    made.close()
+    if not _running:
+        made = RealRobot(tmp_path_factory.mktemp("robot"))
+        _running.append(made)
+        made.daemon.says("Connected to")
+        application = Client("client", made.endpoint)
+        application.in_state("standing")
+        application.close()
+    return _running[0]
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_runtest_teardown(nextitem: pytest.Item | None) -> None:
+    """End that robot behind the last test of its group: until the session ends it costs time."""
+    group = nextitem and nextitem.get_closest_marker("xdist_group")
+    if _running and not (group and group.args == ("one_robot",)):
+        _running.pop().close()
 
 
 @pytest.fixture

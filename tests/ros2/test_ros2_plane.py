@@ -402,11 +402,10 @@ def test_a_node_with_another_clock_drives_and_is_named_in_the_diagnostics(
 
 
 def test_native_commands_drive_and_one_that_was_held_up_does_not(
-    run: Callable[..., RealRobot], client: Callable[..., Client]
+    robot: RealRobot, client: Callable[..., Client]
 ) -> None:
-    robot = run("ros2.rmw_zenoh=true", "ros2.bridge=false")
     app = client("client", robot.endpoint)
-    app.in_state("standing")
+    before = app.in_state("standing")["command"].get("accepted", 0)
     key = native_key("cmd_vel", ros2_names.TWIST)
     sequence = 0
 
@@ -419,11 +418,12 @@ def test_native_commands_drive_and_one_that_was_held_up_does_not(
     def driving() -> bool:
         say(time.time_ns())
         status = app.latest("status")
-        return status["command"].get("accepted", 0) > 20 and status["driver"] == "cmd_vel"
+        return status["command"].get("accepted", 0) > before + 20 and status["driver"] == "cmd_vel"
 
     wait_for(driving, "commands to be obeyed")
     say(time.time_ns() - 5_000_000_000)
     wait_for(lambda: app.latest("status")["command"].get("out_of_order"), "a refusal")
+    robot.settled_truth()
 
 
 def test_names_follow_the_configuration() -> None:

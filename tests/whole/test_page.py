@@ -186,6 +186,7 @@ async def released(page: Page) -> bool:
     return bool((await page.one("answer", id=number))["ok"])
 
 
+@pytest.mark.nightly
 async def test_a_thumb_that_is_down_while_the_emergency_stop_is_released_moves_nothing(
     served: Any,
 ) -> None:

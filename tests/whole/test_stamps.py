@@ -92,6 +92,7 @@ async def test_a_streamed_pose_belongs_to_its_stamp_whatever_the_line_adds(
         assert max(abs(late[0]), abs(late[-1])) < 1.0
 
 
+@pytest.mark.nightly
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("seed", range(6))
 @on_virtual_time

@@ -51,7 +51,7 @@ async def test_the_way_onto_its_mark_is_no_part_of_a_run(tmp_path: Path) -> None
         async with BenchClient(bench) as client:
             driver = LegDriver(client, bench.config, "cmd_vel", clock=bench.clock)  # type: ignore[arg-type]
             measured = MeasuredRuns(driver, _Pushing(bench), choices)
-            straight, *_ = await measured.by_tape(choices, bend=False)
+            straight = await measured._straight(bend=False, heading=False)
         counted = float((straight.left + straight.right).sum()) / 2.0
         assert counted == pytest.approx(0.5, abs=0.1)
         assert straight.measured[0] == pytest.approx(counted, abs=0.01)
@@ -83,9 +83,9 @@ async def test_a_run_in_which_the_board_reset_itself_does_not_count(tmp_path: Pa
         person = _Resetting(bench)
         async with BenchClient(bench) as client:
             driver = LegDriver(client, bench.config, "cmd_vel", clock=bench.clock)  # type: ignore[arg-type]
-            await MeasuredRuns(driver, person, choices).by_tape(choices, bend=False)
+            await MeasuredRuns(driver, person, choices)._straight(bend=False, heading=False)
     assert "This run does not count" in person.announced[1]
-    assert person.asked == ["move", "move", "length", "move", "side", "beyond", "move", "beyond"]
+    assert person.asked == ["move", "move", "length"]
 
 
 @pytest.mark.nightly

@@ -226,6 +226,7 @@ async def test_a_motor_that_does_not_turn_is_named_and_nothing_is_found(fault: s
     assert max(map(abs, bench.rim_speeds)) < 0.03
 
 
+@pytest.mark.nightly
 @on_virtual_time
 async def test_wheels_that_stick_on_a_low_battery_are_found_with_more_output(
     capsys: pytest.CaptureFixture[str],
