@@ -57,7 +57,7 @@ def left_plausibility_ns(bench: FaultBench, since_ns: int, wheel: int, sign: int
     return None
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("motion", MOTIONS)
 @pytest.mark.parametrize("fault", RUNAWAYS)
 @pytest.mark.parametrize("dialect", DIALECTS)
@@ -109,7 +109,7 @@ async def test_a_wheel_that_something_turns_too_fast_is_cut_within_150_ms(
         assert bench.events("runaway_fast")[0].startswith("right turns at")
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("motion", MOTIONS)
 @pytest.mark.parametrize("fault", SILENT)
 @on_virtual_time
@@ -409,7 +409,7 @@ async def test_tt_motors_on_a_board_set_for_520_show_no_fault_in_any_count(tmp_p
 # Policies.
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("policy", ["stop", "report"])
 @pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
@@ -428,7 +428,7 @@ async def test_a_stalled_wheel_stops_the_base_or_is_only_reported_as_configured(
         assert "check whether the wheel is blocked" in bench.events("no_counts")[0]
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("policy", ["stop", "report"])
 @pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
@@ -479,7 +479,7 @@ UNFIT = [
 ]
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("flash", UNFIT)
 @on_virtual_time
 async def test_a_board_whose_settings_would_run_away_gets_no_speed_at_all(

@@ -63,7 +63,7 @@ def found_after_cuts(
     return wrong
 
 
-@pytest.mark.cases(3)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", KEPT)
 def test_after_a_power_cut_the_old_file_is_there_or_the_new_one(
     written: tuple[Path, list[str]], tmp_path: Path, name: str

@@ -35,6 +35,7 @@ def answers(session: zenoh.Session, key: str, timeout_s: float = 60.0) -> list[d
     return [json.loads(reply.ok.payload.to_string()) for reply in replies if reply.ok]
 
 
+@pytest.mark.nightly
 def test_another_robots_certificate_neither_drives_a_robot_nor_resets_it_and_the_fleets_stop_does(
     bench: FleetBench, real_robot: Callable[..., RealRobot]
 ) -> None:

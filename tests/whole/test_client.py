@@ -74,6 +74,7 @@ def ends(robot: RealRobot, code: str, number: int | None, source: str = "cmd_vel
     return status
 
 
+@pytest.mark.nightly
 def test_whatever_ends_a_program_the_wheels_stand(real_robot: Callable[..., RealRobot]) -> None:
     # Silence on cmd_vel stops nothing here for a minute: it is the client that stops the robot.
     robot = real_robot(run=["--set", "command.sources.cmd_vel.timeout_s=60"])

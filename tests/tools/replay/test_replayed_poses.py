@@ -23,7 +23,7 @@ def replayed(bench: WireBench) -> PoseReplay:
     return replay
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("dialect", "heading"), [("streamed", "wheels"), ("polled", "wheels"), ("rosmaster", "fused")]
 )

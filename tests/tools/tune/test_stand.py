@@ -143,7 +143,9 @@ async def test_a_step_is_the_travel_of_each_wheel_along_its_command() -> None:
 
 # The board stores 1600: wheels whose friction is above and below it.
 @pytest.mark.parametrize("friction", [1440, 1950])
-@pytest.mark.parametrize("stick", [1.0, 1.3, pytest.param(1.6, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize(
+    "stick", [1.3, *(pytest.param(each, marks=pytest.mark.nightly) for each in (1.0, 1.6))]
+)
 @pytest.mark.parametrize("lag_s", [0.06, pytest.param(0.3, marks=pytest.mark.nightly)])
 @on_virtual_time
 async def test_a_wheel_stops_at_its_moving_friction_however_it_sticks(
