@@ -423,13 +423,14 @@ def test_troubles_of_two_wheels_at_the_same_moment_are_one(
 def test_wheels_that_follow_for_a_second_begin_from_nothing(
     driven_ms: int, speed: float, blamed: bool
 ) -> None:
-    check, now_ms, found = believing(["left"], latency_s=0.0), 0, []
-    check.command(0, [speed])
-    check.measure(0, [speed], [10])
+    # The base turns about its right wheel.
+    check, now_ms, found = believing(["left", "right"], latency_s=0.0), 0, []
+    check.command(0, [speed, 0.0])
+    check.measure(0, [speed, 0.0], [10, 0])
     for _ in range(5):
         for _ in range(driven_ms // 20):
             now_ms += 20
-            check.measure(now_ms * MS, [speed], [10])
+            check.measure(now_ms * MS, [speed, 0.0], [10, 0])
         found.append(check.blame(now_ms * MS, RUNAWAY, damages=16))
     assert any(found) is blamed
 

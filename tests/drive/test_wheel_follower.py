@@ -21,6 +21,7 @@ MS = 1_000_000
 S = 1000 * MS
 METRES_PER_TICK = 2 * math.pi * 0.0335 / 1320
 SUBSTEP_NS = 5 * MS
+AGAINST = "runaway_against"
 
 
 def read(
@@ -311,6 +312,27 @@ def rolling(speed: float) -> tuple[WheelFollower, int]:
     return watch, 200 * MS
 
 
+@pytest.mark.parametrize(
+    ("sign", "back", "kinds"), [(1, 5, [AGAINST]), (-1, 5, [AGAINST]), (1, 3, [])]
+)
+def test_a_wheel_that_every_healthy_one_turns_onward_by_now_may_not_creep_back(
+    sign: int, back: int, kinds: list[str]
+) -> None:
+    watch, now_ns = rolling(0.3 * sign)
+    watch.command(now_ns, 0.03 * sign)
+    assert kinds == [
+        fault.kind
+        for n in range(1, 20)
+        for fault in read(
+            watch,
+            now_ns + (n - 1) * 10 * MS,
+            now_ns + n * 10 * MS,
+            -0.01 * back * sign,
+            -2 * sign,
+        )
+    ]
+
+
 @pytest.mark.parametrize("count", [0, 1, -1])
 @pytest.mark.parametrize("speed", [0.3, -0.3])
 def test_a_single_count_does_not_begin_the_silence_again(count: int, speed: float) -> None:
@@ -355,7 +377,13 @@ def test_a_wheel_that_stops_is_at_fault_onward_and_may_need_time_to_turn_round(
     found = [
         fault.kind
         for n in range(1, 300)
-        for fault in read(watch, now_ns + (n - 1) * 10 * MS, now_ns + n * 10 * MS, 0.0, 0)
+        for fault in read(
+            watch,
+            now_ns + (n - 1) * 10 * MS,
+            now_ns + n * 10 * MS,
+            0.3 if n < 3 else 0.0,
+            19 if n < 3 else 0,
+        )
     ]
     assert found[:1] == [kind]
 
@@ -375,7 +403,7 @@ def test_two_counts_at_the_end_of_a_silence_wait_for_the_next_reading(
 
 
 def test_a_wheel_among_turning_ones_has_50_ms_to_begin_however_quick_its_loop_is() -> None:
-    watch, quick = follower(), LoopLaw(per_m_s=10.0, per_m=0.0)
+    watch, quick = follower(), LoopLaw(per_m_s=10.0, per_m=0.0, dead_zone=False)
     watch.command(-1, 0.5)
     found = [
         (n * 10, fault.kind)

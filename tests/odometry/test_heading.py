@@ -301,6 +301,16 @@ def test_an_even_turn_that_may_be_a_bias_is_covered_by_the_variance_at_each_mome
     assert base.heading.variance == pytest.approx(before, rel=1e-3)
 
 
+def test_an_even_turn_that_may_be_a_bias_makes_the_heading_unsure_from_its_fifth_sample_on(
+    base: Base,
+) -> None:
+    unsure = []
+    for samples in range(1, 7):
+        base.step(0.0, 0.2, truth=0.2)
+        unsure.append(math.sqrt(base.heading.variance) > 0.9 * 0.2 * samples * CYCLE_NS * 1e-9)
+    assert unsure == [False] * 4 + [True] * 2
+
+
 @pytest.mark.parametrize("rate", [0.5, -1.0])
 def test_an_even_turn_faster_than_any_bias_is_a_turn_however_long_it_is(
     base: Base, rate: float
