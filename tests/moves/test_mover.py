@@ -206,8 +206,9 @@ async def test_a_car_drives_arcs_goals_and_paths_and_refuses_a_turn_in_place(
         followed = await drive(bench, Move(kind="follow", points=points))
         pose = bench.heard.estimates[-1].pose
         assert math.dist((pose.x, pose.y), points[-1]) < 0.005
-        # The third of them: each bend adds to what the pose does not know.
-        assert math.dist((followed.end.x, followed.end.y), points[-1]) < 0.06
+        # The third of them: each bend adds to what the pose does not know, and so does a rear
+        # wheel that begins later than the other. Equal wheels end within 0.06 m.
+        assert math.dist((followed.end.x, followed.end.y), points[-1]) < 0.12
         with pytest.raises(MoveRefused, match="does not turn in place"):
             await bench.move([Move(kind="turn", angle_rad=1.0)])
 

@@ -27,7 +27,7 @@ from yahboomd.simulation.board import Emit
 from yahboomd.simulation.boards import BOARDS, BoardKind
 from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.motors import PWM_MAX
-from yahboomd.simulation.options import SimulationOptions
+from yahboomd.simulation.options import SMOOTH, SimulationOptions
 from yahboomd.simulation.plant import Plant
 from yahboomd.simulation.wire import transfer_ns
 
@@ -38,12 +38,20 @@ STORES_S = 0.4
 
 
 MOTORS: dict[str, dict[str, Any]] = {
-    "35 %, quick": {"motor_dead_zone": 1260, "time_constant_s": 0.05, "max_speed_m_s": 1.05},
-    "40 %": {"motor_dead_zone": 1440, "time_constant_s": 0.1, "max_speed_m_s": 1.15},
-    "44 %, slow": {"motor_dead_zone": 1584, "time_constant_s": 0.2, "max_speed_m_s": 0.70},
-    "50 %": {"motor_dead_zone": 1800, "time_constant_s": 0.1, "max_speed_m_s": 1.40},
-    "54 %, 550 rev/min": {"motor_dead_zone": 1944, "time_constant_s": 0.06, "max_speed_m_s": 1.93},
-    "44 %, lazy": {"motor_dead_zone": 1584, "time_constant_s": 0.3, "max_speed_m_s": 1.15},
+    name: {
+        "motor_dead_zone": dead_zone,
+        "time_constant_s": lag_s,
+        "max_speed_m_s": fastest_m_s,
+        **SMOOTH,
+    }
+    for name, dead_zone, lag_s, fastest_m_s in (
+        ("35 %, quick", 1260, 0.05, 1.05),
+        ("40 %", 1440, 0.1, 1.15),
+        ("44 %, slow", 1584, 0.2, 0.70),
+        ("50 %", 1800, 0.1, 1.40),
+        ("54 %, 550 rev/min", 1944, 0.06, 1.93),
+        ("44 %, lazy", 1584, 0.3, 1.15),
+    )
 }
 """Motors by the share of the output at which they begin to turn."""
 

@@ -6,7 +6,7 @@ from random import Random
 import pytest
 
 from yahboomd.simulation.motors import PWM_MAX
-from yahboomd.simulation.options import SimulationOptions, Wiring
+from yahboomd.simulation.options import SMOOTH, SimulationOptions, Wiring
 from yahboomd.simulation.plant import Plant
 
 
@@ -53,7 +53,7 @@ def test_a_larger_wheel_bends_the_way_of_equal_turns() -> None:
         Wiring(name="left", position=1, corner="left"),
         Wiring(name="right", position=3, corner="right", radius_scale=1.01),
     )
-    base = plant(wiring=wiring, friction_scales=(1.0,))
+    base = plant(wiring=wiring, **SMOOTH)
     base.set_outputs((3000, 0, 3000, 0))
     base.advance(3_000_000_000)
     assert base.ticks[0] == pytest.approx(base.ticks[2], abs=1)

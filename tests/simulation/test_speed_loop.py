@@ -31,7 +31,7 @@ class Rig:
         *,
         gain: float = QUICK_GAIN,
         wired_type: int = 1,
-        **options: float,
+        **options: object,
     ) -> None:
         self.plant = Plant(SimulationOptions(**options), Random(0))  # type: ignore[arg-type]
         self.plant.start(0)
@@ -195,6 +195,18 @@ def test_a_wheel_breaks_away_when_the_loop_has_wound_up_to_its_static_friction()
     speeds = rig.run(due / 100 + 0.02)
     assert max(speeds[:due]) == 0.0
     assert speeds[due] > 0.0
+
+
+def test_the_default_robot_begins_late_and_unevenly() -> None:
+    rig = Rig(drive="skid_steer")
+    rig.control.regulate((50,) * 4)
+    began_ms = [0] * 4
+    for tick in range(60):
+        rig.run(0.01)
+        for index, motor in enumerate(rig.plant.motors):
+            began_ms[index] = began_ms[index] or 10 * tick * (motor.speed_m_s > 0.0)
+    assert 150 < min(began_ms) < max(began_ms) < 400
+    assert len(set(began_ms)) == 4
 
 
 def test_a_loop_without_integral_never_winds_up() -> None:

@@ -24,6 +24,9 @@ PLAIN_GAIN = 1.0
 """The law as it stands: from 0.5 m/s the default gains need more than 0.6 s to a standstill, as the
 vendor's firmware does."""
 
+SMOOTH: dict[str, tuple[float, ...]] = {"friction_scales": (1.0,), "sticks": (1.0,)}
+"""Options of motors that are equal and do not stick."""
+
 
 class Wiring(msgspec.Struct, frozen=True, kw_only=True):
     """One motor: its place and its connection.
@@ -154,8 +157,8 @@ class SimulationOptions(msgspec.Struct, frozen=True, kw_only=True):
     sideways: float = 1.0
     max_speed_m_s: float = 1.15
     motor_dead_zone: int = 1950
-    friction_scales: tuple[float, ...] = (1.0,)
-    sticks: tuple[float, ...] = (1.0,)
+    friction_scales: tuple[float, ...] = (1.0, 1.03, 0.98, 1.02)
+    sticks: tuple[float, ...] = (1.1,)
     time_constant_s: float = 0.06
     battery_volts: float = 7.4
     rated_volts: float = 7.4

@@ -10,7 +10,7 @@ from simulated_person import FOUR, TWO, SimulatedPerson, connected, kinds, set_u
 
 from yahboomd.core.errors import Refused
 from yahboomd.simulation.motors import FAULTS
-from yahboomd.simulation.options import FOUR_WHEELS, TWO_WHEELS
+from yahboomd.simulation.options import FOUR_WHEELS, SMOOTH, TWO_WHEELS
 from yahboomd.simulation.virtual_time import on_virtual_time
 from yahboomd.tools.setup.description import Given
 
@@ -47,7 +47,8 @@ async def test_answers_that_are_none_are_asked_for_again(
 
 @on_virtual_time
 async def test_one_wheel_named_twice_is_asked_again_at_both_plugs() -> None:
-    bench = LinkBench(drive="skid_steer", wiring=FOUR_WHEELS)
+    # Each motor turns at the first try.
+    bench = LinkBench(drive="skid_steer", wiring=FOUR_WHEELS, **SMOOTH)
     # Front left for M1; and for M2 too.
     person = Hesitating(bench, Which_wheel=["1", "1"])
     found = await found_by(person, bench)
