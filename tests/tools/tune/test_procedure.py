@@ -17,6 +17,7 @@ from yahboomd.tools.tune.estimates.step_response import StepFigures
 from yahboomd.tools.tune.procedure import MOST_WRITES, Procedure
 from yahboomd.tools.tune.stand import Stand
 from yahboomd.tools.tune.tuning_result import no_worse
+from yahboomd.tools.tune.wheel_faults import WheelFault
 
 
 def writes(bench: TuningBench) -> list[bytes]:
@@ -28,7 +29,7 @@ def writes(bench: TuningBench) -> list[bytes]:
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("profile", "start", "most_writes"),
-    [("310", "too soft, no dead zone stored", 3), ("tt", "oscillates", 2), ("r2", "too soft", 1)],
+    [("310", "too soft, no dead zone stored", 3), ("tt", "oscillates", 2), ("r2", "too soft", 2)],
 )
 @on_virtual_time
 async def test_gains_with_5_percent_of_overshoot_settle_30_percent_sooner(
@@ -86,6 +87,19 @@ async def test_wheels_that_stick_follow_no_worse_after_three_writes_at_most(
     assert result.writes == len(writes(bench)) <= MOST_WRITES
     # Below the moving friction of every wheel, and near to it.
     assert friction - 130 <= result.suggested["deadzone"] <= friction
+
+
+@on_virtual_time
+async def test_a_far_too_small_dead_zone_is_found_where_a_wheel_cannot_start() -> None:
+    # One wheel turns in the first step; the other one needs more than the loop gives.
+    options = FLOORS | {"motor_dead_zone": 1440, "sticks": (1.3,)}
+    bench = TuningBench("520", "no dead zone stored", options=options)
+    with pytest.raises(WheelFault, match="stood while another wheel turned"):
+        await bench.true_step()
+    result = await bench.tune()
+    assert 1440 - 130 <= result.stored_now["deadzone"] <= 1440
+    assert result.writes == len(writes(bench)) <= MOST_WRITES
+    assert (await bench.true_step()).settling_s is not None
 
 
 @pytest.mark.cases(1)

@@ -37,6 +37,15 @@ def test_the_first_wheel_that_does_not_follow_is_named(metres, words: str) -> No
     assert bool(found(*metres)) == bool(words)
 
 
+def test_a_wheel_that_stands_is_no_fault_where_the_stored_dead_zone_may_be_too_small() -> None:
+    counted: Counts = (round(0.2 * A_METRE), 0, 0, 0)
+    for may_stand in (False, True):
+        words = wheel_faults.found(
+            (LEFT, RIGHT), (0.4, 0.4), counted, 0.5, ramped=True, may_stand=may_stand
+        )
+        assert bool(words) != may_stand
+
+
 def test_wheels_that_never_counted_have_time_to_begin() -> None:
     assert not found(0.0, 0.0, 1.1)
     assert "left (M1) did not turn within 1.2 s" in found(0.0, 0.0, 1.3)

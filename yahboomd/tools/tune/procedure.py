@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Awaitable, Callable
 from functools import partial
 from typing import TypeAlias, TypeVar
@@ -65,6 +66,10 @@ STICKS = 1.45
 
 FOLLOWS = 0.3
 """A wheel that reaches less than this share of a step shows too little of its motor."""
+
+TOO_SMALL_SHARE = 0.2
+"""A wheel that begins to turn at this share of full output above the stored dead zone may stand in
+a step: the board's loop gives 2000 of 3600 beyond that dead zone, and needs time for it."""
 
 DEAD_ZONE_OFF_SHARE = 0.012
 GAP_LEFT = 0.05
@@ -180,8 +185,16 @@ class Procedure:
                 turning.append(begins)
                 if fall:
                     stopping.append(dead_zone.stopping_output(fall))
+            if max(turning) > self._too_small(stand.dialect):
+                stand.may_stand = True
             wheel.turning_output = (turning[0], turning[1])
             wheel.stopping_output = (stopping[0], stopping[1]) if stopping else None
+
+    def _too_small(self, dialect: Dialect) -> float:
+        """The output above which the stored dead zone may be too small to start a wheel."""
+        stored = self.result.stored_before.get(DEAD_ZONE)
+        spare = TOO_SMALL_SHARE * dialect.most_output
+        return stored + spare if isinstance(stored, int | float) else math.inf
 
     async def _measure(self, stand: Stand, name: str) -> list[StepFigures]:
         """Steps of all wheels together, forward and backward; the figures of their means."""

@@ -64,6 +64,8 @@ class Stand:
     Attributes:
         settings: The stored settings; None if the board stores none.
         volts: The supply; None if the board does not report it.
+        may_stand: A wheel that stands in a step is no fault: the ramps have shown that it turns,
+            and that the stored dead zone may be too small to start it.
 
     Args:
         guard: Stops the wheels if this process dies or the port goes away.
@@ -81,6 +83,7 @@ class Stand:
         self.settings: BoardSettings | None = None
         self.motors = motors
         self.volts: float | None = None
+        self.may_stand = False
         self._line = line
         self._clock: Clock = line.clock
         self._motion = motion
@@ -381,7 +384,9 @@ class Stand:
         counted = self._counts_since(first)
         waited_s = seconds(self._clock.now_ns() - self._began_ns)
         ramped = bool(self.dialect.most_output)
-        return wheel_faults.found(self.motors, expected, counted, waited_s, ramped=ramped)
+        return wheel_faults.found(
+            self.motors, expected, counted, waited_s, ramped=ramped, may_stand=self.may_stand
+        )
 
     def _counts_since(self, first: Counts) -> Counts:
         each = zip(*self._latest, strict=True)

@@ -35,6 +35,7 @@ def found(
     waited_s: float,
     *,
     ramped: bool,
+    may_stand: bool = False,
 ) -> str:
     """Describe the first wheel that does not follow, in a sentence; empty if all follow.
 
@@ -43,6 +44,7 @@ def found(
     Args:
         expected: The commanded speed of each motor, m/s.
         ramped: Whether a ramp has shown before that every wheel turns and counts.
+        may_stand: Whether the stored dead zone may be too small to start every wheel.
     """
     farthest_m = max(abs(counted[each.position - 1]) * each.metres_per_tick for each in motors)
     for motor, wanted in zip(motors, expected, strict=True):
@@ -54,6 +56,8 @@ def found(
         elif along_m > (TOO_FAST * abs(wanted) + TOO_FAST_M_S) * (waited_s + SLACK_S):
             what = f"ran at {along_m / waited_s:.2f} m/s instead of {abs(wanted):.2f} m/s"
             look = "Look at its encoder's cable and at the stored settings."
+        elif may_stand and abs(counts) <= STANDS_COUNTS:
+            continue
         elif abs(counts) <= STANDS_COUNTS and farthest_m > STANDS_WHILE_S * abs(wanted):
             what = "stood while another wheel turned"
             look = (
