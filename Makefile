@@ -147,7 +147,7 @@ planted-faults: $(VENV)/.dev ## which tests find faults put in by hand? TIER=tes
 soak: $(VENV)/.dev ## daemon and simulated boards as processes, through eleven kinds of faults: MINUTES=60 SEED=1
 	@PYTHONPATH=tests/plugins $(PY) -m benchmarks.soak --minutes $(MINUTES) --seed $(SEED) $(ARGS)
 
-alarms: $(VENV)/.dev ## false alarms and cut times on virtual time, random driving on bad lines: MINUTES=60 SEED=1
+alarms: $(VENV)/.dev ## false alarms and cut times on virtual time, random driving on bad lines: MINUTES=60 SEED=1 (STICKS=1.3 FRICTION_SCALES=1,1.1: the floor)
 	@PYTHONPATH=tests/plugins $(PY) -m benchmarks.false_alarms --minutes $(MINUTES) --seed $(SEED) $(ARGS)
 
 .PHONY: power-cuts
@@ -163,7 +163,7 @@ fleet-rollout: $(VENV)/.dev ## packaging/ansible on three robots with real syste
 	@$(PY) make/fleet_rollout.py $(ARGS)
 
 .PHONY: wirings
-wirings: $(VENV)/.dev ## `setup` on all 384 ways to connect four motors, each with a drive afterwards (ten minutes)
+wirings: $(VENV)/.dev ## `setup` on all 384 ways to connect four motors, each with a drive afterwards (ten minutes; STICKS, FRICTION_SCALES: the floor)
 	YAHBOOMD_EVERY_WIRING=1 $(PYTEST) $(PARALLEL) -q tests/tools/setup/test_setup_wizard.py -k four_wheels
 
 ##@ Measure
@@ -171,13 +171,13 @@ wirings: $(VENV)/.dev ## `setup` on all 384 ways to connect four motors, each wi
 bench: $(VENV)/.dev ## measure exactness, latency and cost, also beside the article's bridge; write docs/benchmarks.md and docs/benchmarks/ (15 minutes; ARGS=--resume continues)
 	$(PY) -m benchmarks $(ARGS)
 
-moves: $(VENV)/.dev ## 400 random moves on simulated robots beside a plain loop: the table of docs/moves.md (three minutes; ARGS='--moves 64')
+moves: $(VENV)/.dev ## 400 random moves on simulated robots beside a plain loop: the table of docs/moves.md (three minutes; ARGS='--moves 64'; STICKS, FRICTION_SCALES: the floor)
 	@PYTHONPATH=tests/plugins $(PY) -m benchmarks.move_table $(ARGS)
 
 footprint: $(VENV)/.run ## memory, threads, CPU, start-up time and sizes of the daemon
 	@$(PY) -m benchmarks.footprint $(ARGS)
 
-tuning: $(VENV)/.dev ## `tune` on every motor profile from every bad start, the table of docs/tuning.md (five minutes)
+tuning: $(VENV)/.dev ## `tune` on every motor profile from every bad start, the table of docs/tuning.md (five minutes; STICKS, FRICTION_SCALES: the floor)
 	$(PYTEST) $(PARALLEL) -rP tests/tools/tune/all_profiles.py $(ARGS)
 
 tuning-kills: $(VENV)/.dev ## `tune` killed at random moments, also with the supply lost within a write; then --undo (RUNS=60: ten minutes)

@@ -3,7 +3,7 @@
     make alarms MINUTES=60 SEED=1
     make alarms SEED=1 ARGS='--first 37 --pieces 1 --words'
     make alarms SEED=1 ARGS='--piece 0 --pieces 500'
-    make alarms MINUTES=60 SEED=1 ARGS='--stick 1.3'
+    make alarms MINUTES=60 SEED=1 STICKS=1.3 FRICTION_SCALES=0.95,1.05
 
 Drives a simulated robot at random, in pieces of a minute. Each piece has its own dialect, share of
 lost bytes, supply voltage, motor lag and speed loop of the firmware, and ends with one wheel that
@@ -14,8 +14,9 @@ driven, so the time to the cut counts only while the robot is commanded to move.
 standing meanwhile, after a cut that blamed the line, has a row of its own.
 
 The second line replays one piece, by the number that ``--words`` prints. The third only breaks
-wheels. The fourth drives on sticking floors: static friction is up to 1.3 times the moving one, the
-wheels' frictions differ by up to 10 %, and a low supply drives against the same friction.
+wheels. In each piece static friction is up to the largest of STICKS times the moving one, and the
+wheels' frictions are between the FRICTION_SCALES, without them those of the default robot. The
+fourth drives on a harsher floor than that. A low supply drives against the same friction.
 """
 
 from __future__ import annotations
@@ -28,10 +29,11 @@ import random
 import tempfile
 from collections import Counter
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 from fault_bench import CUT, FaultBench
+from floor_options import floor_options
 
 from yahboomd.core.drive.holds import NOT_STARTED
 from yahboomd.simulation import virtual_time
@@ -57,6 +59,19 @@ TURNS = (0.0, 0.0, 0.3, 1.0, 3.0, 6.0)
 UNLIMITED = ("limits.linear={}", "limits.angular={}")
 STOPS = (CUT, b"$spd:0,0,0,0#", b"$speed:0,0,0,0#")
 LATELY_NS = 300 * MS
+
+
+class Floor(NamedTuple):
+    """The most static friction, and the bounds of each wheel's friction, as multiples."""
+
+    stick: float
+    scales: tuple[float, float]
+
+    @staticmethod
+    def of(options: SimulationOptions) -> Floor:
+        return Floor(
+            max(options.sticks), (min(options.friction_scales), max(options.friction_scales))
+        )
 
 
 class Piece(msgspec.Struct, frozen=True, kw_only=True):
@@ -86,13 +101,13 @@ class Piece(msgspec.Struct, frozen=True, kw_only=True):
 
     @staticmethod
     def draw(
-        chance: random.Random, lags: tuple[float, float], floor: random.Random, stick: float
+        chance: random.Random, lags: tuple[float, float], floor: random.Random, most: Floor
     ) -> Piece:
         """Choose the properties of one robot with healthy wheels.
 
         Args:
             floor: Chooses the friction.
-            stick: The most static friction, as a multiple of the moving one.
+            most: The bounds of what it chooses.
         """
         gain = chance.choice((PLAIN_GAIN, QUICK_GAIN))
         return Piece(
@@ -103,10 +118,8 @@ class Piece(msgspec.Struct, frozen=True, kw_only=True):
             gain=gain,
             missing=chance.randrange(20, 120 if gain == PLAIN_GAIN else 400),
             unlimited=chance.random() < 0.3,
-            stick=floor.uniform(1.0, stick),
-            friction_scales=(floor.uniform(0.95, 1.05), floor.uniform(0.95, 1.05))
-            if stick > 1.0
-            else (1.0, 1.0),
+            stick=floor.uniform(1.0, most.stick),
+            friction_scales=(floor.uniform(*most.scales), floor.uniform(*most.scales)),
         )
 
 
@@ -267,13 +280,13 @@ async def _broken(bench: AlarmBench, chance: random.Random, what: Piece, tally: 
 
 
 def run(
-    *, numbers: range, seed: int, lags: tuple[float, float], piece_s: float, stick: float = 1.0
+    *, numbers: range, seed: int, lags: tuple[float, float], piece_s: float, floor: Floor
 ) -> Tally:
     """Run all pieces, one after the other."""
     tally = Tally()
     for number in numbers:
         chance = random.Random(f"{seed} {number}")
-        what = Piece.draw(chance, lags, random.Random(f"{seed} {number} floor"), stick)
+        what = Piece.draw(chance, lags, random.Random(f"{seed} {number} floor"), floor)
         virtual_time.run(piece(what, tally, number=number, seconds=piece_s, chance=chance))
     return tally
 
@@ -320,9 +333,6 @@ def main() -> None:
     parser.add_argument("--piece", type=float, default=60.0, metavar="S")
     parser.add_argument("--first", type=int, default=0, help="the number of the first piece")
     parser.add_argument("--pieces", type=int, help="the number of pieces, instead of --minutes")
-    parser.add_argument(
-        "--stick", type=float, default=1.0, help="the most static friction, of the moving one"
-    )
     parser.add_argument("--words", action="store_true", help="each alarm")
     args = parser.parse_args()
     logging.disable()
@@ -333,7 +343,7 @@ def main() -> None:
         seed=args.seed,
         lags=tuple(args.lags),
         piece_s=args.piece,
-        stick=args.stick,
+        floor=Floor.of(SimulationOptions(**floor_options())),
     )
     print(table(tally))
     if args.words:

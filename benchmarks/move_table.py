@@ -18,6 +18,7 @@ from pathlib import Path
 from random import Random
 from typing import NamedTuple
 
+from floor_options import floor_options
 from move_bench import TRACK_M, Drive, MoveBench
 
 from benchmarks.results import quantile
@@ -151,7 +152,7 @@ async def robot(preset: str, lag_s: float, kind: str, seed: int, *, plain: bool)
     chance = Random(seed)
     results: list[Result] = []
     with tempfile.TemporaryDirectory() as folder:
-        async with MoveBench(Path(folder), preset, lag_s, seed=seed) as bench:
+        async with MoveBench(Path(folder), preset, lag_s, seed=seed, **floor_options()) as bench:
             await bench.ready()
             await asyncio.sleep(0.3)
             for _ in range(EACH):

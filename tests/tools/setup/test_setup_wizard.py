@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from board_bench import LinkBench
+from floor_options import floor_options
 from robot_bench import RobotBench
 from simulated_person import (
     FOUR,
@@ -83,6 +84,7 @@ async def test_four_wheels_however_they_are_connected_are_found_and_drive(
         drive="skid_steer",
         wiring=plugged(FOUR_WHEELS, plugs),
         flash=FlashContent(dead_zone=1900),
+        **floor_options(),
     )
     found = await set_up(bench, FOUR)
     assert connected(found) == true_wiring(bench)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from floor_options import floor_options
 from tuning_bench import PROFILES, STARTS, TuningBench
 
 from yahboomd.simulation.virtual_time import on_virtual_time
@@ -17,7 +18,7 @@ def settled(found: StepFigures) -> str:
 @pytest.mark.parametrize("start", STARTS)
 @on_virtual_time
 async def test_gains_with_6_percent_of_overshoot_settle_30_percent_sooner(profile, start) -> None:
-    bench = TuningBench(profile, start)
+    bench = TuningBench(profile, start, options=dict(floor_options()))
     before = await bench.true_step()
     result = await bench.tune()
     after = await bench.true_step()
