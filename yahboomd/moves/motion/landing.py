@@ -161,8 +161,11 @@ class Landing:
             # The first may only have been too short for the direction.
             self._in_vain += 1
             self._rolls.sticks = self._rolls.sticks or self._in_vain >= IN_VAIN
-        # A jump over the end has to leave less than is left now.
-        least = max(end, 0.5 * self._rolls.jump) if self._rolls.sticks else end
+        least = end
+        if self._rolls.sticks:
+            # A jump over the end has to leave less than is left now. The first one, of unknown
+            # width, must be worth it.
+            least = max(end, 0.5 * self._rolls.jump or self._tolerance.short)
         if abs(left) <= least or self._pulses >= PULSES:
             return None
         self._pulses += 1
