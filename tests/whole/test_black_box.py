@@ -110,7 +110,8 @@ def test_killed_at_any_moment_it_is_readable_and_its_poses_are_those_that_were_p
     # Without a daemon. On a machine that starved the board, an own box is there, too.
     assert folders.kinds[-1] == "left"
     story = folders.command("explain", left.stem.removeprefix("blackbox-"))
-    assert story["why"] == "It drives to the end of the record."
+    # A starved board may have stopped it before.
+    assert story["why"].startswith("It drives to the end of the record.")
     application.close()
     robot.start_daemon()
 
