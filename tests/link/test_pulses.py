@@ -150,7 +150,7 @@ async def test_an_advance_of_a_motor_that_does_not_turn_ends() -> None:
         assert max(map(abs, await pulses.advance({1: 1, 3: 1}, 300.0))) < 20
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dialect", ["streamed", "rosmaster"])
 @pytest.mark.parametrize("speed_m_s", [0.4, 1.15, 1.4])
 @on_virtual_time
@@ -196,7 +196,7 @@ async def test_counts_that_stop_within_a_pulse_end_it_before_half_a_turn() -> No
         assert stands(board)
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("fault", ["encoder-reversed", "phases-swapped", "mounted-round"])
 @on_virtual_time
 async def test_a_wheel_that_would_run_away_is_only_pulsed_and_never_sent_a_speed(

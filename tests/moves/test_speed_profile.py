@@ -6,7 +6,7 @@ import math
 from itertools import pairwise
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from yahboomd.moves.motion.speed_profile import (
@@ -45,12 +45,14 @@ def drive(
     return driven, steps
 
 
+@settings(max_examples=20)
 @given(some_limits, st.floats(0.01, 5.0))
 def test_it_ends_at_the_goal_and_never_beyond_it(limits: SpeedLimits, way: float) -> None:
     driven, _ = drive(way, limits)
     assert way - 1e-4 <= driven <= way + 1e-9
 
 
+@settings(max_examples=20)
 @given(some_limits, st.floats(0.01, 5.0))
 def test_speed_and_acceleration_stay_within_the_limits(limits: SpeedLimits, way: float) -> None:
     _, steps = drive(way, limits)
@@ -58,6 +60,7 @@ def test_speed_and_acceleration_stay_within_the_limits(limits: SpeedLimits, way:
     assert max(rate for _, rate in steps) <= limits.acceleration + 1e-6
 
 
+@settings(max_examples=20)
 @given(some_limits, st.floats(0.05, 5.0))
 def test_the_acceleration_grows_within_the_jerk(limits: SpeedLimits, way: float) -> None:
     _, steps = drive(way, limits)

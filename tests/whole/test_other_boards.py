@@ -141,7 +141,7 @@ def speeds(board: SimulatedRobot) -> list[float]:
     return [abs(motor.speed_m_s) for motor in board.plant.motors]
 
 
-@pytest.mark.cases(6)
+@pytest.mark.cases(3)
 @pytest.mark.parametrize(
     ("asking", "there"), [pair for pair in itertools.product(ALL, ALL) if pair[0] != pair[1]]
 )
@@ -185,7 +185,7 @@ def test_the_stops_of_all_families_stop_each_board_that_is_driving(there: str) -
     assert max(speeds(board)) < 0.03
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("car_type", range(7))
 def test_the_first_stops_stop_a_rosmaster_board_whatever_car_type_it_stores(car_type: int) -> None:
     own, flash = DIALECTS["rosmaster"], RosmasterStored(car_type=car_type)
@@ -199,7 +199,7 @@ def test_the_first_stops_stop_a_rosmaster_board_whatever_car_type_it_stores(car_
     assert max(speeds(board)) < 0.03
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("there", ALL)
 def test_half_a_command_in_the_boards_ear_does_not_swallow_the_stop_behind_its_resync(
     there: str,

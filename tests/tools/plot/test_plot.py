@@ -11,6 +11,9 @@ from pose_recording import record
 from yahboomd.cli.main import main
 from yahboomd.cli.plot import ellipse
 
+# The library is imported once, by one worker.
+pytestmark = pytest.mark.xdist_group("pictures")
+
 
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(("kind", "begins"), [("png", b"\x89PNG"), ("svg", b"<?xml")])

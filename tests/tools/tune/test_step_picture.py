@@ -11,6 +11,9 @@ from yahboomd.tools.tune.estimates.step_response import StepFigures
 from yahboomd.tools.tune.step_picture import draw, save_picture, summary
 from yahboomd.tools.tune.tuning_result import Result, WheelTuning
 
+# The library is imported once, by one worker.
+pytestmark = pytest.mark.xdist_group("pictures")
+
 SOON = StepFigures(rise_s=0.05, overshoot=0.012, settling_s=0.08, steady_error=-0.001)
 NEVER = StepFigures(rise_s=None, overshoot=0.0, settling_s=None, steady_error=-0.6)
 
