@@ -194,8 +194,9 @@ def test_a_car_turns_its_rear_wheels_like_two_sides_and_has_a_tightest_curve() -
     assert (car.name, car.base_m) == ("ackermann", 0.25)
     assert car.least_radius_m == pytest.approx(0.25)
     assert two.least_radius_m == 0.0
-    wide = ackermann(separation_m=0.2, base_m=0.25, steering_max_rad=0.4)
-    assert wide.least_radius_m == pytest.approx(0.25 / math.tan(0.4))
+    for angle_rad in (0.4, 1.5):
+        car = ackermann(separation_m=0.2, base_m=0.25, steering_max_rad=angle_rad)
+        assert car.least_radius_m == pytest.approx(0.25 / math.tan(angle_rad))
 
 
 @pytest.mark.parametrize(

@@ -37,6 +37,7 @@ def test_a_wheel_that_turns_on_is_named_and_cut_after_0_6_s(watch: StopWatch) ->
     assert fault is not None
     assert (fault.kind, fault.motor, fault.action) == ("stop_not_obeyed", "right", "cut")
     assert fault.measured_m_s == -0.8
+    assert fault.message.startswith("right still turns at -0.80 m/s 0.6 s after the stop")
     assert watch.state == "overdue"
     assert watch.check(T0 + 620 * MS) is None
 
