@@ -82,7 +82,8 @@ def test_without_a_port_a_board_is_simulated_and_the_robot_can_be_driven(
     wait_for(lambda: "The page is at http://127.0.0.1:" in made.output, "the page")
     wait_for(lambda: f"{endpoint} answers" in made.output, "the page found its daemon")
     wait_for(lambda: children(made.process.pid, "moves"), "moves are served")
-    assert made.end() == 0
+    app.in_state("standing")
+    assert made.end() == 0, made.output
     assert "Traceback" not in made.output
 
 
