@@ -87,6 +87,7 @@ def test_skid_steer_is_differential_with_the_effective_separation() -> None:
 def test_a_turn_of_one_radian_deviates_by_a_fifth_or_a_tenth_where_wheels_slip() -> None:
     slips = {name: unit_geometry(name).turn_slip for name in KINEMATICS}
     assert slips == {"differential": 0.0, "skid_steer": 0.04, "mecanum": 0.01, "ackermann": 0.01}
+    assert unit_geometry("ackermann").base_m == 1.0
 
 
 @given(ROWS, SPEEDS, SPEEDS, SPEEDS)

@@ -151,6 +151,16 @@ def test_missing_limits_let_everything_through_at_once() -> None:
     assert ramp.limit(Twist2d(vx=1e300, wz=-1e300), 1e-6) == Twist2d(vx=1e9, wz=-1e9)
 
 
+@pytest.mark.parametrize("axis", ["vx", "vy", "wz"])
+def test_it_is_halted_unless_an_axis_moves(axis: str) -> None:
+    limiter = Limiter(AxisCaps(), AxisCaps())
+    assert limiter.halted
+    limiter.reset(Twist2d(**{axis: 0.1}))
+    assert not limiter.halted
+    limiter.halt()
+    assert limiter.halted
+
+
 def test_each_axis_has_its_own_limits() -> None:
     ramp = Limiter(DEFAULT, AxisCaps(acceleration=12.0))
     moved = ramp.limit(Twist2d(vx=1.0, vy=-1.0, wz=3.0), 0.02)
