@@ -104,3 +104,39 @@ def test_a_correction_lasts_until_wheels_that_stick_begin(needs: float) -> None:
         left -= speed * DT_S
     assert abs(left) < TOLERANCE.short
     assert time_s < 8.0
+
+
+def nudged(landing: Landing, left: float, glides: float) -> float:
+    """What is left after a nudge of a base that glides so far once it is over."""
+    while not (speed := landing.step(left, 0.0, DT_S)):
+        assert speed is not None, "no nudge"
+    while speed:
+        left -= math.copysign(0.001, speed)
+        way = speed
+        speed = landing.step(left, 0.0, DT_S) or 0.0
+    left -= math.copysign(glides, way)
+    for _ in range(7):
+        landing.step(left, 0.0, DT_S)
+    return left
+
+
+def test_before_a_jump_is_known_an_end_that_counts_as_reached_is_left_alone() -> None:
+    for left, begins in ((0.0035, False), (0.0045, True)):
+        learned = rolls()
+        learned.sticks = True
+        landing = Landing(TOLERANCE, learned)
+        steps = [landing.step(left, 0.0, DT_S) for _ in range(20)]
+        assert (None in steps) != begins
+        assert any(steps) == begins
+
+
+def test_a_nudge_that_moved_less_than_the_jump_narrows_it() -> None:
+    learned = rolls()
+    learned.sticks = True
+    landing = Landing(TOLERANCE, learned)
+    left = nudged(landing, 0.01, 0.03)
+    assert left < 0.0
+    assert learned.jump == pytest.approx(0.01 - left)
+    after = nudged(landing, left, 0.0)
+    assert after - left < 0.03
+    assert learned.jump == pytest.approx(after - left)

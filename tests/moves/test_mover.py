@@ -17,7 +17,7 @@ from yahboomd.moves.motion.move_plan import MoveRefused
 from yahboomd.moves.motion.mover import Mover
 from yahboomd.moves.motion.speed_profile import SpeedLimits
 from yahboomd.simulation.motors import MotorFaults
-from yahboomd.simulation.options import PLAIN_GAIN
+from yahboomd.simulation.options import PLAIN_GAIN, SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 WAVE = tuple((0.02 * i, 0.15 * math.sin(0.08 * i)) for i in range(1, 36))
@@ -71,6 +71,20 @@ async def test_moves_end_where_they_should(tmp_path: Path, preset: str, lag_s: f
         assert home.time_s <= home.ideal_s + 3.0 * lag_s + 0.6
         for each in (straight, back):
             assert each.time_s <= each.ideal_s + 3.0 * lag_s + 0.7
+
+
+@on_virtual_time
+async def test_the_default_robot_turns_by_a_quarter_as_a_newcomer_asks(tmp_path: Path) -> None:
+    """Its wheels begin to turn at 55 to 61 % of the output; the board adds 44 %."""
+    robot = SimulationOptions()
+    options = {name: getattr(robot, name) for name in ("rated_volts", "battery_volts")}
+    bench = MoveBench(
+        tmp_path, "2wd", robot.time_constant_s, motor_dead_zone=robot.motor_dead_zone, **options
+    )
+    async with bench:
+        await bench.ready()
+        turn = await drive(bench, Move(kind="turn", angle_rad=math.pi / 2.0))
+        assert turn.turned_rad == pytest.approx(math.pi / 2.0, abs=math.radians(1.0))
 
 
 STICKING = {

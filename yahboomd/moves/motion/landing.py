@@ -217,6 +217,8 @@ class Landing:
             rolled_s = max(0.0, min(MOST_NUDGE_S, rolled / self._nudge_speed))
             # Boards differ most: some end a motion in 0.1 s, others let it glide for 0.6 s.
             rolls.nudge_s = rolled_s
-        if self._way * left < 0.0:
+        if rolls.jump:
+            rolls.jump = min(rolls.jump, moved)
+        elif self._way * left < 0.0:
             # It went too far: by no less than it jumps.
-            rolls.jump = min(rolls.jump, moved) if rolls.jump else moved
+            rolls.jump = moved
