@@ -83,6 +83,8 @@ async def test_the_default_robot_turns_by_a_quarter_as_a_newcomer_asks(tmp_path:
     )
     async with bench:
         await bench.ready()
+        await asyncio.sleep(0.5)
+        await drive(bench, Move(kind="straight", distance_m=0.5))
         turn = await drive(bench, Move(kind="turn", angle_rad=math.pi / 2.0))
         assert turn.turned_rad == pytest.approx(math.pi / 2.0, abs=math.radians(1.0))
 
