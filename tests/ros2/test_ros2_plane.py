@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import pytest
@@ -80,6 +81,16 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealRobot]:
     )
     yield made
     made.close()
+
+
+def answers(
+    graph: Graph, oracle: Oracle, ros_type: str, way: tuple[Any, ...], success: bool
+) -> zenoh.Sample | None:
+    """The answer to a request; None if it succeeds where it should not, or the other way round."""
+    answer = graph.ask(*way)
+    reply = oracle.decode(f"{ros_type}_Response", answer.payload.to_bytes())
+    assert reply["message"]
+    return answer if reply["success"] is success else None
 
 
 def stamp_ns(header: dict[str, Any]) -> int:
@@ -194,12 +205,9 @@ def test_what_ros_asks_is_answered_in_cdr(
         # The least that the bridge leaves of a request: the header of its encoding.
         ("yahboomd/odometry/reset", ros2_names.TRIGGER, cdr.HEADER_LE, True, "standing"),
     ):
-        through_bridge = graph.ask(key, payload)
-        native = graph.ask(native_key(key, ros_type), payload, asked)
-        for answer in (through_bridge, native):
-            reply = oracle.decode(f"{ros_type}_Response", answer.payload.to_bytes())
-            assert reply["success"] is success, reply["message"]
-            assert reply["message"]
+        for way in ((key, payload), (native_key(key, ros_type), payload, asked)):
+            # A daemon that a starved board leaves without counts refuses for the moment.
+            native = wait_for(partial(answers, graph, oracle, ros_type, way, success), str(way))
         assert native.attachment is not None
         returned = ros2_names.parse_attachment(native.attachment.to_bytes())
         assert (returned.sequence, returned.gid) == (5, gid)
@@ -265,7 +273,8 @@ def test_the_estop_is_a_topic_too_and_a_button_that_is_not_pressed_changes_nothi
         wait_for(lambda before=before: idle() == before + 51, "a button that was let go")
         assert app.latest("status")["state"] == "estopped"
         assert app.latest("status")["command"]["release_refused"] == refused
-        graph.ask("yahboomd/estop/reset", ros2_encoders.trigger_request())
+        reset = ("yahboomd/estop/reset", ros2_encoders.trigger_request())
+        wait_for(partial(answers, graph, oracle, ros2_names.TRIGGER, reset, True), "released")
         app.in_state("standing")
 
 
