@@ -138,17 +138,18 @@ def silence_due_ns(bench: FaultBench, since_ns: int, wheel: int) -> int:
     """The end of both 150 ms and 30 mm of commanded travel above the least speed."""
     least_m_s = bench.config.faults.min_speed_m_s
     # The counts of the step in which it broke may have been its last ones.
-    travel_m, silent_ns, before_ns = 0.0, 0, since_ns - 20 * MS
+    travel_m, silent_ns, before_ns, in_force_m_s = 0.0, 0, since_ns - 20 * MS, 0.0
     for estimate, command in zip(bench.heard.estimates, bench.heard.commands, strict=True):
-        if estimate.stamp_ns < since_ns:
-            continue
-        if abs(command[wheel]) >= least_m_s:
-            step_ns = estimate.stamp_ns - before_ns
-            silent_ns += step_ns
-            travel_m += abs(command[wheel]) * step_ns / 1e9
-            if silent_ns >= 150 * MS and travel_m >= 0.03:
-                return estimate.stamp_ns
-        before_ns = estimate.stamp_ns
+        if estimate.stamp_ns >= since_ns:
+            if in_force_m_s >= least_m_s:
+                step_ns = estimate.stamp_ns - before_ns
+                silent_ns += step_ns
+                travel_m += in_force_m_s * step_ns / 1e9
+                if silent_ns >= 150 * MS and travel_m >= 0.03:
+                    return estimate.stamp_ns
+            before_ns = estimate.stamp_ns
+        # What is decided by this estimate is in force after it.
+        in_force_m_s = abs(command[wheel])
     raise AssertionError("never due")
 
 
