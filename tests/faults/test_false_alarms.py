@@ -9,6 +9,7 @@ import asyncio
 import itertools
 import json
 import random
+import re
 from pathlib import Path
 from typing import get_args
 
@@ -92,7 +93,14 @@ async def test_wild_driving_with_healthy_motors_raises_no_alarm(
                 case 2:
                     await asyncio.sleep(chance.choice([0.6, 1.5]))
         await asyncio.sleep(1.5)
-        assert set(bench.heard.kinds) - SATURATED == ORDINARY
+        # A floor may hold a wheel at a crawl.
+        held_at = [
+            float(speed)
+            for words in bench.events("not_started")
+            for speed in re.findall(r"at (\S+) m/s", words)
+        ]
+        assert max(held_at, default=0.0) <= 0.05
+        assert set(bench.heard.kinds) - SATURATED - {"not_started"} == ORDINARY
         assert bench.standing
 
 

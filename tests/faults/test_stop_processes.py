@@ -274,7 +274,7 @@ def test_a_client_that_freezes_or_is_killed_leaves_standing_wheels_and_its_thaw_
         driven(robot)
         process.kill()
         robot.settled_truth()
-    wait_for(lambda: silent(app)["driver"] is None, "it has gone")
+    wait_for(lambda: app.in_state("standing")["driver"] is None, "it has gone")
 
 
 def test_a_router_that_is_lost_takes_the_commands_of_its_clients_with_it(
