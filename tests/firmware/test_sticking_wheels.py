@@ -55,9 +55,6 @@ def x3(folder: Path, volts: float) -> RobotBench:
 IMAGE = pytest.mark.skipif(bool(missing()), reason=missing())
 ROSMASTER = pytest.mark.skipif(bool(rosmaster_missing()), reason=rosmaster_missing())
 
-LATCHED = pytest.mark.xfail(
-    reason="no_counts: the core waits 0.6 to 1.4 s, and the board's loop needs up to 6.5 s"
-)
 SHORT = pytest.mark.xfail(
     reason="short, in words: 8 mm and turned by 9.0 degrees, 4.7 and 5.3 degrees off; wheels jump"
 )
@@ -192,11 +189,7 @@ SLOW = [(0.0, 0.12), (0.0, 0.30), (0.0, 0.50), (0.12, 0.0), (0.03, 0.0)]
 @ROSMASTER
 @pytest.mark.parametrize(
     ("vx", "wz", "volts"),
-    [
-        *(pytest.param(*command, 10.5, marks=LATCHED) for command in SLOW),
-        pytest.param(*SLOW[0], 12.0, marks=LATCHED),
-        *((*command, 12.0) for command in SLOW[1:]),
-    ],
+    [(*command, volts) for volts in (10.5, 12.0) for command in SLOW],
 )
 @on_virtual_time
 async def test_a_healthy_x3_that_begins_to_turn_late_is_not_called_faulty(
@@ -212,7 +205,6 @@ async def test_a_healthy_x3_that_begins_to_turn_late_is_not_called_faulty(
 
 
 @IMAGE
-@LATCHED
 @pytest.mark.parametrize(("vx", "wz"), [(0.05, 0.0), (0.12, 0.0), (0.0, 0.50)])
 @on_virtual_time
 async def test_a_healthy_wheel_that_sticks_alone_is_not_called_faulty(
