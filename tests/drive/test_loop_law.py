@@ -10,6 +10,7 @@ from yahboomd.simulation.speed_loop import LoopSettings, wind_up_s
 
 SOLD = (0.8, 0.06, 0.5)
 TUNED = (3.2, 0.24, 2.0)
+SUNRISE = (1.5, 0.08, 0.5)
 
 
 @pytest.mark.parametrize("speed", [0.02, 0.05, 0.12, 0.3])
@@ -23,6 +24,17 @@ def test_full_output_is_that_of_the_firmwares_loop(
     law = loop_law({"pid": gains, "dead_zone": dead_zone})
     assert law.output(-speed * full_s, -speed) == pytest.approx(1.0, abs=0.03)
     assert law.output(0.5 * speed * full_s, speed) < 0.8
+
+
+@pytest.mark.parametrize("speed", [0.02, 0.12, 0.3])
+def test_a_sunrise_has_less_to_wind_up_than_other_rosmasters(speed: float) -> None:
+    p, i, d = SUNRISE
+    loop = LoopSettings(mm_s_per_tick=1.0, p=p, i=i, d=d, dead_zone=2000, most_output=1600)
+    full_s = wind_up_s(speed * 1e3, loop)
+    law = loop_law({"pid": SUNRISE, "car_type": 6})
+    assert law.output(speed * full_s, speed) == pytest.approx(1.0, abs=0.03)
+    assert not law.dead_zone
+    assert loop_law({"pid": SUNRISE, "car_type": 1}).output(speed * full_s, speed) < 0.85
 
 
 @pytest.mark.parametrize(

@@ -16,8 +16,7 @@ FULL_OUTPUT = 3600
 MOST_OF_THE_LOOP = 2000
 """PWM units; the loop's own limit is below full output if the dead zone is small."""
 
-LEAST_REACH = 200
-LOOP_S = 0.01
+LEAST_REACH, LOOP_S = 200, 0.01
 AS_SOLD = (0.8, 0.06, 0.5)
 """P, I and D."""
 
@@ -27,7 +26,8 @@ SLOWEST_I = 0.01
 UNKNOWN_TIMES = 4.0
 """A board that stores no gains is taken for one with quick ones, for safety."""
 
-DEAD_ZONE = 1600
+DEAD_ZONE, SUNRISE, SUNRISE_ZONE = 1600, 6, 2000
+"""What a board without a stored one adds: a Rosmaster that is set to the car type Sunrise more."""
 
 
 class LoopLaw(msgspec.Struct, frozen=True, kw_only=True):
@@ -53,7 +53,8 @@ def loop_law(settings: Mapping[str, object] | None) -> LoopLaw:
     known, times = settings or {}, UNKNOWN_TIMES if settings is None else 1.0
     gains, zone = known.get("pid"), known.get("dead_zone")
     p, i, _ = gains if isinstance(gains, tuple) else AS_SOLD
-    reach = FULL_OUTPUT - (zone if isinstance(zone, int) else DEAD_ZONE)
+    fixed = SUNRISE_ZONE if known.get("car_type") == SUNRISE else DEAD_ZONE
+    reach = FULL_OUTPUT - (zone if isinstance(zone, int) else fixed)
     share = times * 1000.0 / max(LEAST_REACH, min(MOST_OF_THE_LOOP, reach))
     per_m = share * max(i, SLOWEST_I) / LOOP_S
     return LoopLaw(per_m_s=share * p, per_m=per_m, dead_zone=zone is not None)
