@@ -120,8 +120,8 @@ def nudged(landing: Landing, left: float, glides: float) -> float:
     return left
 
 
-def test_before_a_jump_is_known_an_end_that_counts_as_reached_is_left_alone() -> None:
-    for left, begins in ((0.0035, False), (0.0045, True)):
+def test_before_a_jump_is_known_half_of_what_counts_as_reached_is_left_alone() -> None:
+    for left, begins in ((0.0018, False), (0.0022, True)):
         learned = rolls()
         learned.sticks = True
         landing = Landing(TOLERANCE, learned)

@@ -165,7 +165,7 @@ class Landing:
         if self._rolls.sticks:
             # A jump over the end has to leave less than is left now. The first one, of unknown
             # width, must be worth it.
-            least = max(end, 0.5 * self._rolls.jump or self._tolerance.short)
+            least = max(end, 0.5 * (self._rolls.jump or self._tolerance.short))
         if abs(left) <= least or self._pulses >= PULSES:
             return None
         self._pulses += 1
