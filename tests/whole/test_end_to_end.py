@@ -53,7 +53,11 @@ def test_each_encoding_moves_the_robot_and_the_pose_follows_the_truth(
     real_robot: Callable[..., RealRobot], client: Callable[..., Client], dialect: str
 ) -> None:
     robot = real_robot(
-        simulate=["--dialect", dialect, "--wheel-separation", str(SEPARATION_M)],
+        # So far from zero no silence of a starved board can hide a reset, and its travel is kept.
+        simulate=[
+            *("--dialect", dialect, "--ticks", "3000000,0,3000000,0"),
+            *("--wheel-separation", str(SEPARATION_M)),
+        ],
         run=["--set", "command.timeout_s=2.0"],
     )
     app = client("client", robot.endpoint)
