@@ -286,34 +286,6 @@ def test_a_dead_encoder_from_a_standstill_turns_a_wheel_072_m_in_its_three_tries
     assert base.travels_m[1] < 0.32
 
 
-def test_a_dead_encoder_of_a_motor_that_starts_easily_turns_its_wheel_no_farther() -> None:
-    base = StickingBase([0.337, 0.354, 0.334, 0.335], stick=1.35, supply=0.957)
-    base.break_wheel(0, encoder_dead=True)
-    kinds = [fault.kind for speed in (0.0125, 0.12, 0.2) for fault in base.drive(speed, 30.0)]
-    assert kinds == ["not_started", "not_started", "no_counts"]
-    assert base.travels_m[0] < 0.72
-
-
-def test_slower_commands_than_the_one_that_failed_are_no_further_tries() -> None:
-    base = StickingBase([0.50] * 4, stick=1.5, supply=0.85)
-    tries = base.drive(0.08, 8.0)
-    for speed in (0.05, 0.03, 0.05, 0.02):
-        began_ms = base.now_ms
-        tries += base.drive(speed, 8.0)[:1]
-        assert base.now_ms - 600 - began_ms <= 160
-    tries += base.drive(0.08, 8.0)
-    assert [fault.kind for fault in tries] == ["not_started"] * 6
-    assert not any(base.travels_m)
-    assert [fault.kind for fault in base.drive(0.08, 8.0)] == ["no_counts"]
-
-
-def test_outputs_at_which_others_began_before_are_no_sign_of_a_wheel_that_turns() -> None:
-    base = StickingBase([0.40] * 2, stick=1.3)
-    base.drive(0.3, 2.0)
-    base.let_go()
-    assert base.drive(0.05, 8.0) == []
-
-
 def test_encoders_that_are_all_dead_are_a_fault_of_all_the_third_time() -> None:
     base = StickingBase([0.44] * 2, stick=1.0, supply=1.0)
     for index in range(2):

@@ -13,7 +13,7 @@ from sticking_base import believing, follower
 from yahboomd.core.drive.faults import Fault
 from yahboomd.core.drive.follow_check import FollowCheck
 from yahboomd.core.drive.limiter import AxisCaps, Limiter
-from yahboomd.core.drive.loop_law import LoopLaw, loop_law
+from yahboomd.core.drive.loop_law import LoopLaw
 from yahboomd.core.drive.wheel_follower import Step, WheelFollower
 from yahboomd.core.model import Twist2d
 
@@ -494,7 +494,7 @@ def test_garbled_counts_and_an_encoder_on_an_edge_are_no_motion(counts: dict[int
         for n in range(400)
         for fault in check.measure(n * 10 * MS, [0.0], [counts.get(n % 10, 0)])
     ]
-    assert found == [(pytest.approx(1250, abs=100), "not_started")]
+    assert found == [(pytest.approx(1500, abs=100), "not_started")]
 
 
 def test_a_wheel_that_creeps_without_command_is_reported() -> None:
@@ -628,21 +628,3 @@ def test_a_motor_that_starts_after_a_long_rest_and_does_not_count_is_reported() 
     model = WheelModel(broken="blocked", broken_from_ns=10 * S)
     found = drive(model, [(0, 0.3), (2 * S, 0.0), (20 * S, 0.3)], until_ns=23 * S)
     assert [fault.kind for at_ns, fault in found if at_ns > 20 * S][:1] == ["not_started"]
-
-
-@pytest.mark.parametrize(
-    ("gains", "kind"), [((3.2, 0.24, 2.0), "no_counts"), ((0.8, 0.06, 0.5), "not_started")]
-)
-def test_a_wheel_that_turned_too_slowly_is_at_fault_once_it_is_silent_at_full_output(
-    gains: tuple[float, float, float], kind: str
-) -> None:
-    wheel, law = follower(), loop_law({"pid": gains})
-    wheel.command(0, 0.6)
-    found: list[Fault] = []
-    for n in range(1, 100):
-        # At a third of its setpoint, then blocked.
-        ticks = 13 if n < 20 else 0
-        step = Step(before_ns=(n - 1) * 20 * MS, now_ns=n * 20 * MS, law=law, farthest_m=0.012)
-        speed = ticks * METRES_PER_TICK / 0.02
-        found += wheel.measure(step, speed, ticks, speed)
-    assert [fault.kind for fault in found if fault.action != "report"][:1] == [kind]

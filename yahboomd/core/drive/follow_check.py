@@ -31,7 +31,9 @@ OWED_M = 0.005
 PROVEN_NS = 40_000_000
 """The least span of a proven speed, which makes the duration of an answer matter little."""
 
-AGAIN, NO_COUNTS_AGAIN, ALL_SILENT_AGAIN = 5, 8, 16
+AGAIN = 5
+NO_COUNTS_AGAIN = 8
+ALL_SILENT_AGAIN = 16
 """The repetitions in a row that a bad line cannot have caused. Losing one speed in two or three
 silences a start, and silences all wheels at once."""
 
@@ -144,7 +146,7 @@ class FollowCheck:
         fastest_m_s = max(map(abs, self._commanded or (0.0,)))
         self._followed_ns += stamp_ns - before if fastest_m_s >= self._min_speed_m_s else 0
         proven_m_s = measured_m_s if earliest_ns is None else self._proven_m_s()
-        starts = [at for wheel in self._wheels if (at := wheel.starts_at) is not None]
+        starts = [wheel.starts_at or 0.0 for wheel in self._wheels if wheel.started]
         step = Step(
             before_ns=before,
             now_ns=stamp_ns,

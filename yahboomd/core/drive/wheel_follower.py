@@ -41,12 +41,14 @@ SLOWS_FOR_NS = 500_000_000
 # A wheel that rolls and is held again gains speed until the board's loop outweighs the slope.
 PULLED_M_S = 0.5
 CREEPING_NS = 600_000_000
-OFF_SPEED_NS, OFF_SPEED_RATIO = 1_000_000_000, 0.5
+OFF_SPEED_NS = 1_000_000_000
+OFF_SPEED_RATIO = 0.5
 GAP_NS = 500_000_000
 MOST_SETPOINTS = 500
 """Kept between two readings."""
 
-NO_COUNTS_NS, NO_COUNTS_M = 150_000_000, 0.03
+NO_COUNTS_NS = 150_000_000
+NO_COUNTS_M = 0.03
 ROLLED = 0.5
 """A wheel at this share of its setpoint, or more, did not stop by itself."""
 COUNTED_NS = 20_000_000
@@ -57,12 +59,13 @@ HELD_UP_NS = 1_000_000_000
 COUNTS_OF_MOTION = 2
 
 SILENCE: frozenset[FaultKind] = frozenset({"no_counts", "not_started"})
+TRIES = 3
 TOP_M_S = 1.2
 """The speed of a free wheel at full output."""
 UNSEEN_SHARE = 0.05
 """A wheel may break away at so much less output than expected."""
-EASY_SHARE = 0.09
-"""One that did not count since it was commanded may turn with so much less output."""
+EASY_SHARE = 0.13
+"""Wheels that need no output of the loop may need less than the stored dead zone by so much."""
 LEAPS = 0.5
 """A wheel that breaks away turns as fast as one that needs this share of the output."""
 LEAP_M_S = 0.4
@@ -70,13 +73,10 @@ LEAPS_FOR_NS = 800_000_000
 """The loop takes back for so long what it added to move the wheel."""
 ROLLS_OUT_S = 0.3
 """A wheel that is let go rolls on for its speed times this."""
-UNSEEN_M = (0.37, 0.41, 0.5)
-"""The way that a wheel may have turned unseen until it stands, in this try and those before. The
-last one has the most left: whoever reads what helps drives faster."""
-ALL_UNSEEN_M = (0.6, 0.64, 0.8)
+UNSEEN_M = (0.3, 0.4, 0.5)
+"""The way that a wheel may have turned unseen until it stands, in this try and those before."""
+ALL_UNSEEN_M = (0.8, 0.9, 1.0)
 """The same while no other wheel turns: most floors hold all wheels for so long."""
-SLOWER = 0.9
-"""A setpoint below this share of the one of the last try cannot do what that one did not."""
 OTHERS_STAND_M = 0.005
 TURNING_ROUND = 2
 """A loop that turned the wheel the other way has twice the output to cover."""
@@ -90,7 +90,7 @@ class Step(msgspec.Struct, frozen=True, kw_only=True):
         now_ns: When it sampled this one.
         law: How the board's loop winds up.
         farthest_m: The farthest that any wheel travelled meanwhile.
-        starts_at: The least output at which any wheel last began to turn.
+        starts_at: The least output at which a wheel began to turn.
     """
 
     before_ns: int
@@ -133,7 +133,7 @@ class WheelFollower:
         # Each entry is the setpoint in force until its stamp.
         self._past: deque[tuple[int, float]] = deque(maxlen=MOST_SETPOINTS)
         self._let_go = self.started = False
-        self._tries, self._unseen_m, self._failed_m_s = 0, [0.0, 0.0], 0.0
+        self._tries, self._unseen_m = 0, [0.0, 0.0]
         self.begin(0.0)
 
     def begin(self, measured_m_s: float) -> None:
@@ -308,7 +308,7 @@ class WheelFollower:
                 self._leaps_until_ns = step.now_ns + LEAPS_FOR_NS
             self._owe_nothing()
             self._known -= SILENCE
-            self._tries, self._unseen_m, self._failed_m_s = 0, [0.0, 0.0], 0.0
+            self._tries, self._unseen_m = 0, [0.0, 0.0]
             step_ns = min(step_ns, COUNTED_NS) if ticks else step_ns
         if abs(steady) < self._min_speed_m_s:
             step_ns, self._silent_ns, self._silent_m = 0, 0, 0.0
@@ -317,9 +317,9 @@ class WheelFollower:
 
     def _silence(self) -> Fault | None:
         """A wheel that rolled, and has no counts from one reading to the next, is at fault."""
-        if self._silent_ns < NO_COUNTS_NS or self._silent_m < NO_COUNTS_M or self._counts_arrive():
-            return None
-        return self._new("no_counts", self.measured_m_s)
+        silent = self._silent_ns >= NO_COUNTS_NS and self._silent_m >= NO_COUNTS_M
+        found = silent and not self._counts_arrive()
+        return self._new("no_counts", self.measured_m_s) if found else None
 
     def _counts_arrive(self) -> bool:
         # Counts that were held back arrive in one reading: the next one tells whether they are
@@ -332,34 +332,28 @@ class WheelFollower:
         expected = times * (step.starts_at if self.starts_at is None else self.starts_at)
         output = step.law.output(self._owed_signed_m, steady)
         alone = self._others_m < OTHERS_STAND_M
-        # Had it turned while all stood, so would others that turn now.
-        self._unseen_m[True] *= alone
         share = max(UNSEEN_SHARE, min(1.0, output) - LEAPS * expected)
-        share += 0.0 if alone or self.started else EASY_SHARE
-        speed_m_s = share * TOP_M_S if steady and output >= expected - UNSEEN_SHARE else 0.0
+        share += EASY_SHARE if expected < UNSEEN_SHARE and not alone else 0.0
+        turns = steady and output >= expected - UNSEEN_SHARE
+        speed_m_s = share * TOP_M_S if turns else 0.0
         self._unseen_m[alone] += speed_m_s * step_ns / NS_PER_S
-        way_m = sum(self._unseen_m) + speed_m_s * ROLLS_OUT_S
-        most_m = ALL_UNSEEN_M if alone else UNSEEN_M
+        way_m = self._unseen_m[alone] + speed_m_s * ROLLS_OUT_S
+        most_m = (ALL_UNSEEN_M if alone else UNSEEN_M)[self._tries]
         # One that turns round, quick as its board's loop may be, passes through rest.
         self._stands_ns += step_ns if steady else 0
-        passes = self._stands_ns < times * NO_COUNTS_NS // 3 or self._counts_arrive()
-        slower = not self._past and abs(steady) < SLOWER * self._failed_m_s and way_m < most_m[-1]
-        if passes or (way_m < most_m[self._tries] and not slower):
+        if way_m < most_m or self._stands_ns < times * NO_COUNTS_NS // 3 or self._counts_arrive():
             return None
-        self._unseen_m[alone] += speed_m_s * ROLLS_OUT_S
-        if self.started and output >= 1.0:
-            return self._new("no_counts", self.measured_m_s)
-        return self.give_up(counted=not slower)
+        self._unseen_m[alone] = way_m
+        return self.give_up()
 
-    def give_up(self, *, counted: bool = True) -> Fault | None:
-        """End this try to turn it; the last one that is counted is a fault."""
+    def give_up(self) -> Fault | None:
+        """End this try to turn it; the last one is a fault."""
         if self._known & SILENCE:
             return None
-        self._tries += counted
-        self._failed_m_s = max(self._failed_m_s, abs(self.commanded_m_s or 0.0))
-        if self._tries < len(UNSEEN_M):
+        self._tries += 1
+        if self._tries < TRIES:
             return self._new("not_started", self.measured_m_s, "let_go")
-        self._tries, self._unseen_m, self._failed_m_s = 0, [0.0, 0.0], 0.0
+        self._tries, self._unseen_m = 0, [0.0, 0.0]
         return self._new("no_counts", self.measured_m_s, certain=True)
 
     def _off_speed(self, now_ns: int, speed: float) -> Fault | None:
