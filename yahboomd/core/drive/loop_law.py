@@ -27,7 +27,7 @@ UNKNOWN_TIMES = 4.0
 """A board that stores no gains is taken for one with quick ones, for safety."""
 
 DEAD_ZONE, SUNRISE, SUNRISE_ZONE = 1600, 6, 2000
-"""What a board without a stored one adds: a Rosmaster that is set to the car type Sunrise more."""
+"""A board that stores no dead zone adds 1600; a Rosmaster set to car type 6, Sunrise, adds 2000."""
 
 
 class LoopLaw(msgspec.Struct, frozen=True, kw_only=True):

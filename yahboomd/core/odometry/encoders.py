@@ -125,7 +125,7 @@ class Encoders:
     def announce(
         self, notice: Notice, *, unbroken: bool = False, speeds_m_s: tuple[float, ...] | None = None
     ) -> None:
-        """Remember it until two readings settle it: the worst of several.
+        """Remember a notice until two readings settle it; of several, the worst.
 
         Args:
             unbroken: The board was certainly not reset in that gap.
@@ -336,7 +336,7 @@ class Encoders:
             if not sure:
                 return held
             far = max(map(abs, from_zero)) >= UNMISTAKABLE_TICKS
-            # Nobody carried it away, and a reset of wheels that stood loses no travel.
+            # The port stayed, and wheels that stood lose no travel by a reset.
             rested = self.notice == "silence" and not any(self._went)
             untouched = not any(travel) and (far or rested)
             # Beyond half the range the counters may have wrapped more than once.
