@@ -15,9 +15,11 @@ import pytest
 from real_robot import DRIVER, RealRobot, wait_for
 
 from yahboomd.core.link import port_note
+from yahboomd.core.link.port_identity import identify
 from yahboomd.core.link.port_note import PortNote
 from yahboomd.tools.port import run_guard
 from yahboomd.tools.port.run_guard import Watch
+from yahboomd.tools.stop import last_stop
 from yahboomd.tools.stop.unresponsive import is_guard
 
 NOTE = PortNote("/dev/pts/0", 115200, True, False, False)
@@ -47,10 +49,15 @@ def guards(daemon: int) -> list[int]:
 
 
 @pytest.fixture
-def guarded(real_robot: Callable[..., RealRobot], tmp_path: Path) -> RealRobot:
+def guarded(real_robot: Callable[..., RealRobot], tmp_path: Path) -> Iterator[RealRobot]:
     robot = real_robot(guarded=True, environ={"RUNTIME_DIRECTORY": str(tmp_path / "run")})
     robot.daemon.says("Connected")
-    return robot
+    own = guards(robot.daemon.pid)
+    yield robot
+    for guard in own:
+        # Nothing else ends one that did not see the wheels stand.
+        if is_guard(guard):
+            os.kill(guard, signal.SIGKILL)
 
 
 @pytest.mark.realtime
@@ -77,6 +84,77 @@ def test_a_daemon_that_is_killed_crashes_or_freezes_in_motion_leaves_standing_wh
     assert f"yahboomd (pid {daemon.pid}) {why}" in daemon.output
     wait_for(lambda: not os.path.exists(f"/proc/{guard}"), "the guard ends")
     assert all(note.ended for note in port_note.read(str(tmp_path / "run")))
+
+
+HOLD = """
+import fcntl, os, sys
+port = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY)
+fcntl.flock(port, fcntl.LOCK_EX)
+print("held", flush=True)
+sys.stdin.read()
+"""
+
+
+@pytest.mark.realtime
+def test_no_program_that_has_the_port_of_a_killed_daemon_is_believed_to_stop_its_wheels(
+    guarded: RealRobot,
+) -> None:
+    daemon = guarded.daemon
+    (guard,) = guards(daemon.pid)
+    with driven(guarded):
+        os.kill(guard, signal.SIGSTOP)
+        daemon.process.kill()
+        daemon.process.wait()
+    # As another user's daemon looks.
+    with subprocess.Popen(
+        ["yahboomd", "-c", HOLD, str(guarded.port)],
+        executable=sys.executable,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+    ) as holder:
+        assert holder.stdout is not None
+        assert holder.stdout.readline() == b"held\n"
+        os.kill(guard, signal.SIGCONT)
+        held = f"the port is held by yahboomd (pid {holder.pid}). The wheels may turn: "
+        wait_for(lambda: held in daemon.output, "the guard names the holder")
+        assert f"`kill -9 {guard}` ends it now." in daemon.output
+        assert not guarded.stands()
+        holder.communicate()
+    wait_for(lambda: "the wheels stand, " in daemon.output, "the guard reports them")
+    guarded.settled_truth()
+    wait_for(lambda: not os.path.exists(f"/proc/{guard}"), "the guard ends")
+
+
+@pytest.mark.realtime
+def test_a_board_that_hears_nothing_for_a_while_is_stopped_when_it_hears_again(
+    guarded: RealRobot,
+) -> None:
+    daemon = guarded.daemon
+    with driven(guarded):
+        assert guarded.do("loss 1") == "ok"
+        daemon.process.kill()
+        daemon.process.wait()
+    wait_for(lambda: "no board answers" in daemon.output, "the guard says what it sees")
+    assert not guarded.stands()
+    assert guarded.do("clear") == "ok"
+    wait_for(lambda: "the wheels stand, " in daemon.output, "the guard reports them")
+    guarded.settled_truth()
+
+
+@pytest.mark.realtime
+def test_a_guard_ends_without_the_port_for_the_next_daemon_once_that_is_connected(
+    real_robot: Callable[..., RealRobot], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    environ = {"RUNTIME_DIRECTORY": str(tmp_path / "run")}
+    monkeypatch.setenv(*next(iter(environ.items())))
+    robot = real_robot(environ=environ)
+    robot.daemon.says("Connected")
+    path = os.path.realpath(robot.port)
+    note = NOTE._replace(path=path, device=identify(os.stat(path)))
+    words, stood = last_stop.stop_until_seen(note, "A test began.")
+    assert words == f"yahboomd (pid {robot.daemon.pid}) has {path} now, and began with a stop."
+    assert not stood
+    assert "Lost" not in robot.daemon.output
 
 
 @pytest.mark.nightly
@@ -171,7 +249,7 @@ def test_a_terminal_that_takes_no_words_holds_up_no_stop(tmp_path: Path) -> None
             os.write(writing, bytes(4096))
     except BlockingIOError:
         os.set_blocking(writing, True)
-    script = f"import {run_guard.__name__} as guard; guard.say('words')"
+    script = f"import {last_stop.__name__} as stop; stop.say('words')"
     done = subprocess.run([sys.executable, "-c", script], stderr=writing, timeout=60, check=False)
     assert done.returncode == 0
     os.close(reading)

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 from yahboomd.cli.shared_options import add_config_options, add_port_option, read_config
 from yahboomd.core.errors import BusError, YahboomdError
 from yahboomd.tools.port import run_guard
-from yahboomd.tools.stop.replug import is_yahboomd
-from yahboomd.tools.stop.unresponsive import FROZEN, process_state
+from yahboomd.tools.stop.last_stop import say
+from yahboomd.tools.stop.unresponsive import FROZEN, is_yahboomd, process_state
 
 _ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
@@ -167,7 +167,7 @@ def _start_guard() -> int | None:
         finally:
             os.close(reading)
     except OSError as error:
-        run_guard.say(
+        say(
             f"The guard does not start ({error.strerror}): if this process is killed or freezes, "
             "only `yahboomd stop` stops the wheels."
         )

@@ -337,6 +337,7 @@ class Daemon:
             "namespace": self._config.zenoh.namespace,
             "ports": [port for port in dict.fromkeys(ports) if port],
             "listen": list(self._config.zenoh.listen),
+            "connected": session is not None and session.board is not None,
             "state": state,
             "why": why,
         }

@@ -81,13 +81,23 @@ def seize(
         time.sleep(RETRY_S)
     try:
         _make_raw(fd, baudrate, hangup_on_close=hangup_on_close)
-        spoken_ns = time.monotonic_ns()
-        if _speak(fd, baudrate):
-            _speak(fd, baudrate)
+        seized = Seized(fd, path, baudrate, time.monotonic_ns())
+        stop_again(seized)
     except BaseException:
         os.close(fd)
         raise
-    return Seized(fd, path, baudrate, spoken_ns)
+    return seized
+
+
+def stop_again(seized: Seized) -> None:
+    """Stop any board on a port that is ours.
+
+    Raises:
+        OSError: It went away, or takes no output (``ETIMEDOUT``).
+    """
+    _keep_out(seized.fd)
+    if _speak(seized.fd, seized.baudrate):
+        _speak(seized.fd, seized.baudrate)
 
 
 def take(path: str, *, dtr: bool, rts: bool, device: Device | None = None) -> int:

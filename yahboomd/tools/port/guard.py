@@ -1,12 +1,13 @@
 """A second process that releases the motors if the first one dies or hangs during a pulse.
 
 The board has no timeout: a motor whose pulse is not ended turns for ever. A killed process cannot
-end it, so another process watches over each pulse, on the same open port. If the port is gone by
-then, that process waits up to a minute for the board, and stops it once.
+end it, so another process watches over each pulse, on the same open port. It stops the wheels of a
+process that is killed, or whose port goes away, and ends when it has seen them stand.
 """
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import errno
 import os
@@ -19,20 +20,19 @@ from typing import Self
 from yahboomd.core.errors import BoardError
 from yahboomd.core.link import port_note
 from yahboomd.core.link.port_note import PortNote
-from yahboomd.tools.stop import replug
+from yahboomd.core.link.seize import Seized
+from yahboomd.tools.stop import last_stop
 
 OVERDUE_S = 0.6
 """A little longer than a pulse; after it the guard stops the wheels, whatever the tool does."""
 
 READY_WITHIN_S = 10.0
 ENDS_WITHIN_S = 2.0
-STOPS = 20
 STOP_PERIOD_S = 0.05
 
-BACK_WITHIN_S = 60.0
-"""The time for which the guard looks for a board that went away in a pulse."""
+ENDED = "A command of yahboomd ended and left wheels that may turn."
 
-BEGINS, ENDS, LOST, DISMISSED = b"+", b"-", b"l", b"."
+BEGINS, ENDS, LOST = b"+", b"-", b"l"
 
 _HELD_BACK = (errno.EAGAIN, errno.EINTR)
 
@@ -49,13 +49,13 @@ class Guard:
         self.pulse = False
 
     @classmethod
-    def start(cls, fd: int, stop: bytes, note: PortNote | None = None) -> Self:
+    def start(cls, fd: int, stop: bytes, note: PortNote) -> Self:
         """Start a guard.
 
         Args:
             fd: The open port.
             stop: Bytes that release the motors, from any state of the board's parser.
-            note: The device and how its port was opened; None: do not look for the device.
+            note: The device and how its port was opened.
 
         Raises:
             OSError: The process does not start.
@@ -64,7 +64,6 @@ class Guard:
             [sys.executable, "-m", __name__, str(fd), stop.hex(), port_note.text_of(note)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
             pass_fds=(fd,),
             # Protects it from Ctrl-C and from a terminal that hangs up.
             start_new_session=True,
@@ -74,7 +73,7 @@ class Guard:
         if not select.select([process.stdout], [], [], READY_WITHIN_S)[0] or not os.read(
             process.stdout.fileno(), 1
         ):
-            guard.close()
+            guard.dismiss()
             raise OSError("the process that would stop the wheels after a crash does not start")
         return guard
 
@@ -92,20 +91,39 @@ class Guard:
                 "The process that lets the motors go after a crash has ended: no motor is turned."
             ) from error
 
-    def lose_port(self) -> None:
-        """Have the guard close a port that went away, so that the kernel can reuse its name."""
-        self._try_to_tell(LOST)
+    async def stopped_after_loss(self) -> str:
+        """Leave a port that went away to the guard, and wait until that saw the wheels stand.
+
+        Returns:
+            The outcome in words; empty if the guard was killed.
+        """
+        assert self._process.stdout is not None
+        with contextlib.suppress(OSError, ValueError):
+            self._tell(LOST)
+        fd, loop, told = self._process.stdout.fileno(), asyncio.get_running_loop(), asyncio.Event()
+        loop.add_reader(fd, told.set)
+        try:
+            await told.wait()
+        finally:
+            loop.remove_reader(fd)
+        return os.read(fd, 4096).decode()
 
     def dismiss(self) -> None:
-        """End the guard without a stop: the wheels stand, or a person takes care of them."""
-        self._try_to_tell(DISMISSED)
+        """End the guard without a stop: a person takes care of the wheels."""
+        self._process.kill()
         self.close()
 
-    def leave(self) -> None:
-        """Leave the guard running; it acts as if this process was killed."""
+    def close(self, within_s: float = ENDS_WITHIN_S) -> None:
+        """End the guard; if a pulse has not ended, it first sees the wheels stand.
+
+        Args:
+            within_s: How long that is waited for. The guard goes on without this process.
+        """
         for pipe in (self._process.stdin, self._process.stdout):
             if pipe is not None:
                 pipe.close()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(within_s)
         # Tells subprocess not to wait for it.
         self._process.returncode = 0
 
@@ -113,48 +131,35 @@ class Guard:
         assert self._process.stdin is not None
         os.write(self._process.stdin.fileno(), mark)
 
-    def _try_to_tell(self, mark: bytes) -> None:
-        with contextlib.suppress(OSError, ValueError):
-            self._tell(mark)
 
-    def close(self) -> None:
-        """End the guard, which first stops the wheels if a pulse has not ended."""
-        for pipe in (self._process.stdin, self._process.stdout):
-            if pipe is not None:
-                pipe.close()
-        try:
-            self._process.wait(ENDS_WITHIN_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
-
-
-def watch(fd: int, stop: bytes, note: PortNote | None = None) -> None:
-    """Watch over pulses until standard input ends."""
+def watch(fd: int, stop: bytes, note: PortNote) -> None:
+    """Watch over pulses until standard input ends, or the port goes away in a pulse."""
+    last_stop.ignore_signals()
     os.write(1, b"!")
     wait_s: float | None = None
-    lost = pulse = False
-    while True:
+    pulse = lost = False
+    while not lost:
         if not select.select([0], [], [], wait_s)[0]:
             # Overdue: stop again and again, until the other process goes on or is gone.
             lost, wait_s = not _send(fd, stop), STOP_PERIOD_S
         elif marks := os.read(0, 64):
-            if DISMISSED in marks:
-                return
-            lost = lost or LOST in marks
+            lost = LOST in marks
             if state := marks.replace(LOST, b"")[-1:]:
                 pulse, wait_s = state == BEGINS, OVERDUE_S if state == BEGINS else None
         else:
             break
-        if lost:
-            fd, wait_s = _closed(fd), None
-    for _ in range(STOPS if pulse and not lost else 0):
-        if lost := not _send(fd, stop):
-            break
-        select.select([], [], [], STOP_PERIOD_S)
-    if pulse and lost and note is not None:
-        _closed(fd)
-        _stop_when_back(note)
+    if not pulse:
+        return
+    seized = None
+    if not lost and _send(fd, stop):
+        seized = Seized(fd, note.path, note.baudrate, time.monotonic_ns())
+    else:
+        # While it is open, the kernel gives its name to no other device.
+        os.close(fd)
+    words, _ = last_stop.stop_until_seen(note, ENDED, seized=seized, tell=_say)
+    _say(words)
+    with contextlib.suppress(OSError):
+        os.write(1, words.encode())
 
 
 def _send(fd: int, stop: bytes) -> bool:
@@ -166,34 +171,15 @@ def _send(fd: int, stop: bytes) -> bool:
     return True
 
 
-def _closed(fd: int) -> int:
-    """Close the port: while it is open, the kernel gives its name to no other device."""
-    if fd >= 0:
-        with contextlib.suppress(OSError):
-            os.close(fd)
-    return -1
-
-
-def _stop_when_back(note: PortNote) -> None:
-    until_s = time.monotonic() + BACK_WITHIN_S
-    while time.monotonic() < until_s:
-        try:
-            seized = replug.seize_again(note)
-        except replug.TakenByOurs:
-            return
-        if seized is not None:
-            # Imported after the first stop, because the import takes longer than the stop.
-            import asyncio
-
-            from yahboomd.core.clock import SystemClock
-            from yahboomd.core.errors import LinkError
-            from yahboomd.core.link.takeover import take_over_seized
-
-            with contextlib.suppress(LinkError):
-                asyncio.run(take_over_seized(seized, SystemClock()))
-                return
-        select.select([], [], [], replug.LOOK_S)
+def _say(words: str) -> None:
+    """Print a line, unless the watched process lives, which says it itself."""
+    poll = select.poll()
+    poll.register(0, 0)
+    if poll.poll(0):
+        last_stop.say(words)
 
 
 if __name__ == "__main__":
-    watch(int(sys.argv[1]), bytes.fromhex(sys.argv[2]), port_note.note_of(sys.argv[3]))
+    opened = port_note.note_of(sys.argv[3])
+    assert opened is not None
+    watch(int(sys.argv[1]), bytes.fromhex(sys.argv[2]), opened)

@@ -22,7 +22,7 @@ from yahboomd.tools.stop.stop_local import folders
 from yahboomd.tools.stop.stop_port import pids
 from yahboomd.tools.stop.unresponsive import FROZEN, is_guard, process_state, true_names
 
-GUARD_ENDS_WITHIN_NS = 5 * NS_PER_S
+GUARD_ENDS_WITHIN_NS = 10 * NS_PER_S
 RETRY_S = 0.05
 
 

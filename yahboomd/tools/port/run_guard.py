@@ -2,8 +2,7 @@
 
 It is a small process in a session of its own, so that neither a terminal nor a signal to the
 daemon's job reaches it. It kills a daemon whose beats end. It stops the wheels of a daemon that
-ended while they may turn: it takes the daemon's device, as `yahboomd stop --direct` does. Until
-then it opens no port.
+ended while they may turn, and ends when it has seen them stand. Until then it opens no port.
 
 It runs as a script with the standard library alone, and imports the rest after its first stop.
 """
@@ -15,7 +14,6 @@ import select
 import signal
 import sys
 import time
-from typing import TYPE_CHECKING
 
 if __name__ == "__main__":
     # Without `site` Python finds the standard library only.
@@ -23,11 +21,7 @@ if __name__ == "__main__":
 
 from yahboomd.core.link import port_note
 from yahboomd.core.link.port_note import PortNote
-from yahboomd.tools.stop import replug
-
-if TYPE_CHECKING:
-    from yahboomd.core.link.seize import Seized
-    from yahboomd.core.link.takeover import TakeoverReport
+from yahboomd.tools.stop import last_stop
 
 BEATS_WITHIN_S = 2.0
 """The same time as the unit's watchdog."""
@@ -41,12 +35,6 @@ KILLED = (
     "drive, start it again."
 )
 ENDED = "yahboomd (pid {pid}) ended and left wheels that may turn."
-
-BACK_WITHIN_S = 60.0
-"""The time for which it looks for a board that is not there."""
-
-MISSING_S = 1.0
-SAID_WITHIN_S = 0.2
 
 
 class Watch:
@@ -86,20 +74,15 @@ def guard(fd: int, daemon: int, folder: str) -> None:
         daemon: The daemon's process, the parent of this one.
         folder: Its runtime folder.
     """
-    for number in signal.valid_signals() - {signal.SIGKILL, signal.SIGSTOP, signal.SIGCHLD}:
-        # A signal that ends a service or a session ends the daemon, and then this process acts.
-        signal.signal(number, signal.SIG_IGN)
+    last_stop.ignore_signals()
     watch = Watch()
     killed = _until_ended(fd, daemon, watch)
     if watch.note is None or watch.standing:
         return
-    report = _stop(watch.note, KILLED if killed else ENDED, daemon)
-    if report is None:
-        return
-    from yahboomd.tools.stop.stop_port import describe
-
-    say(describe(report))
-    if report.stood:
+    why = (KILLED if killed else ENDED).format(pid=daemon)
+    words, stood = last_stop.stop_until_seen(watch.note, why)
+    last_stop.say(words)
+    if stood:
         port_note.end(folder, daemon)
 
 
@@ -127,68 +110,6 @@ def _until_ended(fd: int, daemon: int, watch: Watch) -> bool:
                 killed, due_s = True, None
             else:
                 due_s = None
-
-
-def _stop(note: PortNote, why: str, daemon: int) -> TakeoverReport | None:
-    """Take the device and stop its wheels; None after a message that it could not be taken."""
-    began_s = time.monotonic()
-    asked = False
-    why = why.format(pid=daemon)
-    while (passed_s := time.monotonic() - began_s) < BACK_WITHIN_S:
-        try:
-            seized = replug.seize_again(note)
-        except replug.TakenByOurs as taker:
-            say(f"{why} {taker} now, and stops the wheels as it begins.")
-            return None
-        # seize_again() has sent the first stop already: words come second.
-        if why and seized is not None:
-            say(f"{why} A stop was sent.")
-            why = ""
-        if seized is not None and (report := _taken_over(seized)) is not None:
-            return report
-        if passed_s >= MISSING_S and not asked:
-            asked = True
-            say(
-                f"{why} {note.path} cannot be taken, so the wheels may turn on. Plug the board in "
-                "again, or switch the motors' supply off. If it can be taken within a minute, the "
-                "wheels are stopped.".lstrip()
-            )
-            why = ""
-        time.sleep(replug.LOOK_S)
-    say(
-        f"{note.path} could not be taken: the wheels may still turn. Switch the motors' supply "
-        "off, or run `yahboomd stop` once the board is back."
-    )
-    return None
-
-
-def _taken_over(seized: Seized) -> TakeoverReport | None:
-    """Wait until the wheels stand; None if the port went away again."""
-    # Imported after the first stop, because the imports take longer than the stop.
-    import asyncio
-
-    from yahboomd.core.clock import SystemClock
-    from yahboomd.core.errors import LinkError
-    from yahboomd.core.link.takeover import take_over_seized
-
-    try:
-        return asyncio.run(take_over_seized(seized, SystemClock()))
-    except LinkError:
-        return None
-
-
-def say(words: str) -> None:
-    """Print a line to standard error, unless its reader is gone or accepts nothing."""
-    from yahboomd.core.program import pasteable, readable
-
-    poll = select.poll()
-    poll.register(2, select.POLLOUT)
-    try:
-        if not poll.poll(1000 * SAID_WITHIN_S):
-            return
-        os.write(2, f"yahboomd: {pasteable(readable(words))}\n".encode())
-    except OSError:
-        return
 
 
 if __name__ == "__main__":

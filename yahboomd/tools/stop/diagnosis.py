@@ -24,8 +24,8 @@ KNOWN_HOLDERS = {
         ("yahboomd setup", "yahboomd tune"),
         "It turns wheels: `yahboomd stop` ends it, and sees them stand.",
     ),
-    "yahboomd's guard": "The guard lets the motors go if a setup or a tune is killed, and ends "
-    "within two seconds after it.",
+    "yahboomd's guard": "The guard stops the wheels that a killed daemon, setup or tune left "
+    "turning, and ends once it has seen them stand. Is the board on?",
     "yahboomd": "A yahboomd daemon owns the board: `yahboomd monitor` watches it, and "
     "`yahboomd stop` stops its wheels. To use the port itself, end the daemon first.",
 }

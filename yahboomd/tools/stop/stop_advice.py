@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from yahboomd.core.errors import BusError, LinkError, YahboomdError
-from yahboomd.tools.stop.replug import is_yahboomd
 from yahboomd.tools.stop.stop_port import warn
 from yahboomd.tools.stop.unresponsive import (
     FROZEN,
     daemons,
+    is_yahboomd,
     listener,
     may_drive,
     process_state,

@@ -66,6 +66,7 @@ class LocalDaemon(NamedTuple):
         silent: It did not answer.
         ports: The serial port, as configured and as opened.
         listen: Its Zenoh endpoints.
+        connected: It says that it is connected to its board, whose wheels it stopped first.
     """
 
     socket: str
@@ -75,6 +76,7 @@ class LocalDaemon(NamedTuple):
     ports: tuple[str, ...] = ()
     listen: tuple[str, ...] = ()
     uid: int | None = None
+    connected: bool = False
 
     @property
     def tool(self) -> str:
@@ -161,9 +163,10 @@ class LocalStops:
         return found
 
 
-def find(environ: Mapping[str, str]) -> list[LocalDaemon]:
+def find(environ: Mapping[str, str], within_s: float | None = None) -> list[LocalDaemon]:
     """The daemons of this machine that this user may stop."""
-    return _answering([Talk(path, STATUS) for path in sockets(environ) if not _TOOL.match(path)])
+    asked = [Talk(path, STATUS) for path in sockets(environ) if not _TOOL.match(path)]
+    return _answering(asked, within_s)
 
 
 def end_tools(environ: Mapping[str, str], port: str = "") -> list[LocalDaemon]:
@@ -190,8 +193,8 @@ def end_tools(environ: Mapping[str, str], port: str = "") -> list[LocalDaemon]:
     return ended
 
 
-def _answering(talks: Sequence[Talk]) -> list[LocalDaemon]:
-    converse(talks, lines=1, within_s=STATUS_WITHIN_S)
+def _answering(talks: Sequence[Talk], within_s: float | None = None) -> list[LocalDaemon]:
+    converse(talks, lines=1, within_s=STATUS_WITHIN_S if within_s is None else within_s)
     found = []
     for talk in talks:
         talk.close()
@@ -331,6 +334,7 @@ def _robot(talk: Talk) -> LocalDaemon:
         ports=ports,
         listen=_texts(facts.get("listen")),
         uid=talk.uid,
+        connected=facts.get("connected") is True,
     )
 
 

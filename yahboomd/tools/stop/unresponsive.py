@@ -7,14 +7,26 @@ import os
 import re
 import shlex
 
-from yahboomd.tools.stop.replug import arguments, is_yahboomd
-
 FROZEN = {"T": "stopped by a signal", "t": "stopped by a debugger"}
 """The states of a process that obeys nothing, not even SIGTERM, until it continues."""
 
 
 _UNIT = re.compile(r"/system\.slice/(?:\S+/)?([^/\s]+)\.service$", re.MULTILINE)
 """A system service in a process's list of control groups."""
+
+
+def arguments(pid: int, *, proc: str = "/proc") -> list[str]:
+    """The command line of a process; empty if it cannot be read."""
+    try:
+        with open(f"{proc}/{pid}/cmdline", "rb") as file:
+            return os.fsdecode(file.read()).split("\0")[:-1]
+    except OSError:
+        return []
+
+
+def is_yahboomd(pid: int, *, proc: str = "/proc") -> bool:
+    """Whether a process runs yahboomd, by its own command or as ``python -m``."""
+    return "yahboomd" in (os.path.basename(word) for word in arguments(pid, proc=proc)[:3])
 
 
 def process_state(pid: int, *, proc: str = "/proc") -> str:

@@ -120,7 +120,7 @@ class Stand:
         """
         port = await opener()
         line = Line(port, clock)
-        async with guarded(port, config, clock, say) as guard, line.attended():
+        async with guarded(line, config, say) as guard, line.attended():
             talk = await Conversation.begin(line)
             dialect = talk.dialect.for_profile(config.profile())
             settings = await talk.read_settings(config.profile().settings)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 import tty
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,15 +12,7 @@ import pytest
 from yahboomd.core.link.port_identity import identify
 from yahboomd.core.link.port_note import PortNote
 from yahboomd.core.protocol.first_words import FIRST_WORDS
-from yahboomd.tools.stop.replug import TakenByOurs, drives, seize_again
-
-HOLD = """
-import fcntl, os, sys
-port = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY)
-fcntl.flock(port, fcntl.LOCK_EX)
-print("held", flush=True)
-sys.stdin.read()
-"""
+from yahboomd.tools.stop.last_stop import seize_again
 
 
 class Board:
@@ -67,7 +57,6 @@ def test_a_device_that_came_back_is_stopped_at_once(board: Board, link: Path) ->
     back = Board(link)
     os.close(board.master)
     seized = seize_again(lost)
-    assert seized is not None
     assert seized.path == str(link)
     words = b"".join(FIRST_WORDS.values())
     os.set_blocking(back.master, True)
@@ -83,52 +72,13 @@ def test_another_device_that_has_its_name_now_is_sent_nothing(board: Board) -> N
     lost = note_of(board.path)
     usb = lost.device._replace(number=os.makedev(188, 250), usb="1-2 1a86:7523")
     for device in (usb, lost.device._replace(node="other")):
-        assert seize_again(lost._replace(device=device)) is None
+        with pytest.raises(FileNotFoundError):
+            seize_again(lost._replace(device=device))
     assert board.heard == b""
 
 
-def test_a_device_that_is_away_is_no_error(board: Board, link: Path) -> None:
+def test_a_device_that_is_away_is_not_taken(board: Board, link: Path) -> None:
     lost = note_of(link)
     link.unlink()
-    assert seize_again(lost._replace(device=lost.device._replace(node="gone"))) is None
-
-
-@pytest.mark.parametrize(
-    ("words", "driving"),
-    [
-        (("python3", "/usr/bin/yahboomd", "run", "--port", "/dev/ttyUSB0"), True),
-        (("python3", "-m", "yahboomd", "stop"), True),
-        (("python3", "/usr/bin/yahboomd", "monitor"), False),
-        (("python3", "/usr/bin/yahboomd", "web", "--listen"), False),
-        (("cat", "run"), False),
-    ],
-)
-def test_of_processes_that_cannot_be_looked_into_those_that_open_a_port_count(
-    tmp_path: Path, words: tuple[str, ...], driving: bool
-) -> None:
-    (tmp_path / "12").mkdir()
-    (tmp_path / "12" / "cmdline").write_bytes(b"".join(each.encode() + b"\0" for each in words))
-    assert drives(12, proc=str(tmp_path)) is driving
-
-
-@pytest.mark.realtime
-@pytest.mark.parametrize("name", ["yahboomd", "modemd"])
-def test_a_port_that_is_held_is_left_to_this_program_and_awaited_from_others(
-    board: Board, link: Path, name: str
-) -> None:
-    holder = subprocess.Popen(
-        [name, "-c", HOLD, str(link)],
-        executable=sys.executable,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    assert holder.stdout is not None
-    assert holder.stdout.readline() == "held\n"
-    if name == "yahboomd":
-        with pytest.raises(TakenByOurs, match=rf"yahboomd \(pid {holder.pid}\) has"):
-            seize_again(note_of(link))
-    else:
-        assert seize_again(note_of(link)) is None
-    assert board.heard == b""
-    holder.communicate("")
+    with pytest.raises(FileNotFoundError):
+        seize_again(lost._replace(device=lost.device._replace(node="gone")))

@@ -1,0 +1,195 @@
+"""The last stop: what a guard does when the process that drove the wheels is gone.
+
+It ends once the counts have shown standing wheels, however long that takes. Until then it sends
+stops on the port, and opens the device again if that went away: the device, not its name, which
+another one may get. Only a daemon that answers that it is connected to this device ends it sooner,
+because connecting begins with a stop.
+
+The first stop needs only the standard library; what reads counts is imported after it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import select
+import signal
+import time
+from collections.abc import Callable
+from itertools import chain, count
+from typing import TYPE_CHECKING
+
+from yahboomd.core.link.port_identity import find, identify, is_pseudo
+from yahboomd.core.link.port_note import PortNote
+from yahboomd.core.link.seize import Seized, seize, stop_again
+
+if TYPE_CHECKING:
+    from yahboomd.core.link.takeover import TakeoverReport
+
+LOOK_S = 0.1
+"""The period at which the device is opened, or the port stopped again."""
+
+ASK_S = 1.0
+"""The period at which daemons are asked whether they are connected to the device."""
+
+SAID_AFTER_S = (1.0, 10.0)
+SAID_EVERY_S = 60.0
+SAID_WITHIN_S = 0.2
+
+
+def ignore_signals() -> None:
+    """Ignore what ends a service, a session or a job: then a guard is needed most."""
+    for number in signal.valid_signals() - {signal.SIGKILL, signal.SIGSTOP, signal.SIGCHLD}:
+        signal.signal(number, signal.SIG_IGN)
+
+
+def stop_until_seen(
+    note: PortNote,
+    why: str,
+    *,
+    seized: Seized | None = None,
+    dismissed: Callable[[], bool] = lambda: False,
+    tell: Callable[[str], None] | None = None,
+) -> tuple[str, bool]:
+    """Stop the wheels at a device until they are seen to stand.
+
+    Args:
+        note: The device and how its port was opened.
+        why: A sentence for the first words.
+        seized: Its port, if that is open.
+        dismissed: Whether a person takes care of the wheels.
+        tell: Shows words to a person; None: on standard error.
+
+    Returns:
+        The outcome in words, and whether the wheels were seen to stand.
+    """
+    tell = tell or say
+    began_s = asked_s = time.monotonic()
+    due_s = chain(SAID_AFTER_S, count(SAID_EVERY_S, SAID_EVERY_S))
+    word_s = next(due_s)
+    while not dismissed():
+        trouble: Exception | TakeoverReport | None
+        seized, trouble = _stopped(note, seized)
+        if seized is not None:
+            if why:
+                tell(f"{why} A stop was sent.")
+                why = ""
+            try:
+                report = _watched(seized)
+            except Exception as error:  # noqa: BLE001 - whatever fails, stops go on
+                trouble = error
+            else:
+                trouble = report
+                if report.stood:
+                    os.close(seized.fd)
+                    from yahboomd.tools.stop.stop_port import describe
+
+                    return describe(report), True
+        elif time.monotonic() - asked_s >= ASK_S:
+            asked_s = time.monotonic()
+            if words := _connected_daemon(path_of(note)):
+                return words, False
+        if time.monotonic() - began_s >= word_s:
+            word_s = next(due_s)
+            tell(f"{why} {_unfinished(note, trouble)}".lstrip())
+            why = ""
+        time.sleep(LOOK_S)
+    return "", False
+
+
+def seize_again(note: PortNote) -> Seized:
+    """Open the device and send the first stop.
+
+    Raises:
+        OSError: It cannot be had now.
+    """
+    path = path_of(note)
+    if not path:
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), note.path)
+    device = identify(os.stat(path))
+    return seize(**note._replace(path=path, device=device).options(), patience_s=0.0)
+
+
+def path_of(note: PortNote) -> str:
+    """A path of the device now; empty if it is not there."""
+    device = note.device
+    if device is None:
+        return ""
+    found = find(device)
+    if found is None and is_pseudo(device.number) and os.path.islink(note.path):
+        # A pseudo-terminal does not come back: its owner points the link to the next one.
+        with contextlib.suppress(OSError):
+            return note.path if is_pseudo(os.stat(note.path).st_rdev) else ""
+    return found or ""
+
+
+def _stopped(note: PortNote, seized: Seized | None) -> tuple[Seized | None, OSError | None]:
+    """Send stops; returns the port if it is open then, and what failed."""
+    try:
+        if seized is None:
+            return seize_again(note), None
+        stop_again(seized)
+    except OSError as error:
+        if seized is None or error.errno == errno.ETIMEDOUT:
+            return seized, error
+        # It is gone. As long as it is open, the kernel gives its name to no device.
+        os.close(seized.fd)
+        return None, error
+    return seized, None
+
+
+def _watched(seized: Seized) -> TakeoverReport:
+    """Stop a board, and watch its wheels for some seconds; the port stays open, and ours."""
+    import asyncio
+
+    from yahboomd.core.clock import SystemClock
+    from yahboomd.core.link.takeover import take_over_seized
+
+    shared = seized._replace(fd=os.dup(seized.fd))
+    return asyncio.run(take_over_seized(shared, SystemClock()))
+
+
+def _unfinished(note: PortNote, trouble: Exception | TakeoverReport | None) -> str:
+    """What keeps a guard from its end, and what a person can do."""
+    from yahboomd.core.link.port_errors import explained
+    from yahboomd.tools.stop.stop_port import describe
+    from yahboomd.tools.stop.unresponsive import true_names
+
+    if isinstance(trouble, OSError):
+        words = true_names(explained(path_of(note) or note.path, trouble).message)
+    elif isinstance(trouble, Exception):
+        words = f"{note.path}: whether the wheels stand cannot be seen ({trouble})."
+    else:
+        words = describe(trouble) if trouble is not None else ""
+    return (
+        f"{words} The wheels may turn: switch the motors' supply off, or give the guard the board "
+        "back. It stops them as soon as it has the port, and ends once it has seen them stand; "
+        f"`kill -9 {os.getpid()}` ends it now."
+    )
+
+
+def _connected_daemon(path: str) -> str:
+    """A sentence about the daemon that answers that it is connected to a device; empty for none."""
+    from yahboomd.tools.stop.stop_local import find as find_daemons
+    from yahboomd.tools.stop.stop_local import same_port
+
+    for daemon in find_daemons(os.environ, within_s=LOOK_S) if path else ():
+        ours = any(same_port(port, path) for port in daemon.ports)
+        if ours and daemon.connected and daemon.believed:
+            return f"yahboomd (pid {daemon.pid}) has {path} now, and began with a stop."
+    return ""
+
+
+def say(words: str) -> None:
+    """Print a line to standard error, unless its reader is gone or accepts nothing."""
+    from yahboomd.core.program import pasteable, readable
+
+    poll = select.poll()
+    poll.register(2, select.POLLOUT)
+    try:
+        if not poll.poll(1000 * SAID_WITHIN_S):
+            return
+        os.write(2, f"yahboomd: {pasteable(readable(words))}\n".encode())
+    except OSError:
+        return
