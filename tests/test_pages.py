@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from yahboomd.cli.run import GUARDED_S
 from yahboomd.cli.shell import command_tree
 from yahboomd.client.commanding import OTHER_SILENCE_S, SILENCE_S
 from yahboomd.core.config import Config
@@ -18,7 +19,6 @@ from yahboomd.core.protocol.first_words import FIRST_WORDS
 from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.simulation.boards import BOARDS
 from yahboomd.tools.fleet.fleet_plan import FleetPlan, plan_problem
-from yahboomd.tools.port.run_guard import BEATS_WITHIN_S
 
 ROOT = Path(__file__).resolve().parents[1]
 WRITTEN = [
@@ -137,4 +137,4 @@ def test_a_client_expects_the_silence_that_the_daemon_allows() -> None:
 
 def test_the_units_watchdog_is_the_guards() -> None:
     for unit in ("yahboomd.service", "yahboomd@.service"):
-        assert f"\nWatchdogSec={BEATS_WITHIN_S:g}\n" in (ROOT / "systemd" / unit).read_text()
+        assert f"\nWatchdogSec={GUARDED_S:g}\n" in (ROOT / "systemd" / unit).read_text()

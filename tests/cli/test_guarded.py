@@ -19,8 +19,8 @@ from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
 from yahboomd.simulation.rosmaster.rosmaster_flash import RosmasterStored
-from yahboomd.tools.port.guard import Guard
 from yahboomd.tools.port.guarded import guarded
+from yahboomd.tools.port.tool_guard import ToolGuard
 
 
 @pytest.fixture
@@ -65,7 +65,7 @@ async def test_its_stop_ends_motion_on_a_rosmaster_whose_car_type_ignores_a_cut(
     path: str, monkeypatch: pytest.MonkeyPatch, car_type: int
 ) -> None:
     clock, stops = SystemClock(), list[bytes]()
-    monkeypatch.setattr(Guard, "start", lambda _fd, stop, _note: stops.append(stop))
+    monkeypatch.setattr(ToolGuard, "start", lambda _fd, stop, _note: stops.append(stop))
     port = await open_port(PortOptions(path=path), clock)
     dialect = DIALECTS["rosmaster"]
     async with guarded(Line(port, clock), Config(), print) as guard:

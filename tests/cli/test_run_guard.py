@@ -14,16 +14,16 @@ from pathlib import Path
 import pytest
 from real_robot import DRIVER, RealRobot, wait_for
 
+from yahboomd.cli.run import GUARDED_S
 from yahboomd.core.link import port_note
-from yahboomd.core.link.port_identity import identify
 from yahboomd.core.link.port_note import PortNote
-from yahboomd.tools.port import run_guard
-from yahboomd.tools.port.run_guard import Watch
+from yahboomd.tools.port.charge import Charge
+from yahboomd.tools.port.guard import FAR_MS, Guard
 from yahboomd.tools.stop import last_stop
 from yahboomd.tools.stop.unresponsive import is_guard
 
 NOTE = PortNote("/dev/pts/0", 115200, True, False, False)
-PORT = f"PORT={port_note.text_of(NOTE)}\n".encode()
+PORT = port_note.text_of(NOTE).encode()
 
 
 @contextmanager
@@ -49,15 +49,10 @@ def guards(daemon: int) -> list[int]:
 
 
 @pytest.fixture
-def guarded(real_robot: Callable[..., RealRobot], tmp_path: Path) -> Iterator[RealRobot]:
+def guarded(real_robot: Callable[..., RealRobot], tmp_path: Path) -> RealRobot:
     robot = real_robot(guarded=True, environ={"RUNTIME_DIRECTORY": str(tmp_path / "run")})
     robot.daemon.says("Connected")
-    own = guards(robot.daemon.pid)
-    yield robot
-    for guard in own:
-        # Nothing else ends one that did not see the wheels stand.
-        if is_guard(guard):
-            os.kill(guard, signal.SIGKILL)
+    return robot
 
 
 @pytest.mark.realtime
@@ -143,18 +138,20 @@ def test_a_board_that_hears_nothing_for_a_while_is_stopped_when_it_hears_again(
 
 @pytest.mark.realtime
 def test_a_guard_ends_without_the_port_for_the_next_daemon_once_that_is_connected(
-    real_robot: Callable[..., RealRobot], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    guarded: RealRobot,
 ) -> None:
-    environ = {"RUNTIME_DIRECTORY": str(tmp_path / "run")}
-    monkeypatch.setenv(*next(iter(environ.items())))
-    robot = real_robot(environ=environ)
-    robot.daemon.says("Connected")
-    path = os.path.realpath(robot.port)
-    note = NOTE._replace(path=path, device=identify(os.stat(path)))
-    words, stood = last_stop.stop_until_seen(note, "A test began.")
-    assert words == f"yahboomd (pid {robot.daemon.pid}) has {path} now, and began with a stop."
-    assert not stood
-    assert "Lost" not in robot.daemon.output
+    (guard,) = guards(guarded.daemon.pid)
+    with driven(guarded):
+        os.kill(guard, signal.SIGSTOP)
+        guarded.daemon.process.kill()
+        guarded.daemon.process.wait()
+    killed, daemon = guarded.daemon, guarded.start_daemon()
+    daemon.says("Connected")
+    os.kill(guard, signal.SIGCONT)
+    ended = f"yahboomd (pid {daemon.pid}) has {os.path.realpath(guarded.port)} now, and began with"
+    wait_for(lambda: ended in killed.output, "the guard leaves the port to it")
+    wait_for(lambda: not os.path.exists(f"/proc/{guard}"), "the guard ends")
+    assert "Lost" not in daemon.output
 
 
 @pytest.mark.nightly
@@ -166,7 +163,7 @@ def test_a_pause_of_daemon_and_guard_together_is_no_freeze_of_the_daemon(
     pids = (*guards(guarded.daemon.pid), guarded.daemon.pid)
     for pid in pids:
         os.kill(pid, signal.SIGSTOP)
-    until_s = time.monotonic() + run_guard.BEATS_WITHIN_S + 0.5
+    until_s = time.monotonic() + GUARDED_S + 0.5
     wait_for(lambda: time.monotonic() > until_s, "the time in which a frozen one is killed")
     for pid in reversed(pids):
         os.kill(pid, signal.SIGCONT)
@@ -195,7 +192,7 @@ def test_an_end_in_order_needs_no_guard_and_one_that_suspends_with_standing_whee
     with driven(guarded):
         daemon.process.send_signal(signal.SIGTSTP)
         wait_for(lambda: "State:\tT" in Path(f"/proc/{daemon.pid}/status").read_text(), "suspended")
-        until_s = time.monotonic() + run_guard.BEATS_WITHIN_S + 0.5
+        until_s = time.monotonic() + GUARDED_S + 0.5
         wait_for(lambda: time.monotonic() > until_s, "the time in which a frozen one is killed")
         daemon.process.send_signal(signal.SIGCONT)
         daemon.says("Continued.")
@@ -217,28 +214,18 @@ def test_no_guard_is_started_by_an_option_and_where_a_service_manager_watches(
     assert guards(robot.daemon.pid) == []
 
 
-def test_beats_are_awaited_once_it_is_ready_and_until_the_wheels_stand() -> None:
-    watch = Watch()
-    assert (watch.beats, watch.standing, watch.note) == (False, True, None)
-    # In whatever pieces they come.
-    for byte in PORT:
-        watch.read(bytes([byte]))
-    assert (watch.beats, watch.standing, watch.note) == (False, False, NOTE)
-    watch.read(b"READY=1\n")
-    assert (watch.beats, watch.standing) == (True, False)
-    watch.read(b"STANDING=1\n")
-    assert (watch.beats, watch.standing) == (False, True)
-    watch.read(b"WATCHDOG=1\n")
-    assert (watch.beats, watch.standing) == (True, False)
-    # The wheels were not seen to stand.
-    watch.read(b"STOPPING=1\n")
-    assert (watch.beats, watch.standing) == (False, False)
-
-
-def test_a_daemon_that_never_had_a_port_leaves_nothing_to_stop() -> None:
-    watch = Watch()
-    watch.read(b"READY=1\nWATCHDOG=1\n")
-    assert (watch.beats, watch.standing) == (True, True)
+def test_promises_end_once_it_is_ready_and_until_the_wheels_stand() -> None:
+    guard = Guard(Charge(-1, 0, 2.0))
+    promises = []
+    for message in (b"PORT", b"READY", b"PORT", b"STANDING", b"STOPPING", b"WATCHDOG", b"STOPPING"):
+        guard._read(message, PORT)
+        state = guard._state
+        promises.append(state.turning and ("for ever" if state.until == FAR_MS else "for a while"))
+    assert promises == [
+        *("for ever", "for a while", "for a while"),
+        *(False, False, "for a while", "for ever"),
+    ]
+    assert guard._note == NOTE
 
 
 def test_a_terminal_that_takes_no_words_holds_up_no_stop(tmp_path: Path) -> None:

@@ -39,7 +39,7 @@ def test_a_program_of_python_is_named_yahboomd_where_it_is_one(tmp_path: Path) -
         (2, ("/x/bin/python3", "/x/bin/yahboomd", "run")),
         (3, ("python3", "yahboomd.log")),
         (5, ("/x/bin/python", "/x/bin/yahboomd", "tune", "--yes")),
-        (6, ("/x/bin/python", "-m", "yahboomd.tools.port.guard", "9", "00")),
+        (6, ("/x/bin/python", "-I", "-S", "/x/yahboomd/tools/port/guard.py", "{}")),
     ):
         (tmp_path / str(pid)).mkdir()
         (tmp_path / str(pid) / "cmdline").write_text("\0".join(words) + "\0")

@@ -18,7 +18,7 @@ from yahboomd.core.errors import BoardError
 from yahboomd.core.link import port_note
 from yahboomd.core.link.port_identity import identify
 from yahboomd.core.link.port_note import PortNote
-from yahboomd.tools.port.guard import Guard
+from yahboomd.tools.port.tool_guard import ToolGuard
 
 pytestmark = pytest.mark.realtime
 
@@ -27,8 +27,8 @@ STOP = b"$pwm:0,0,0,0#"
 WATCHED = f"""
 import sys, time
 from yahboomd.core.link.port_note import note_of
-from yahboomd.tools.port.guard import Guard
-guard = Guard.start(int(sys.argv[1]), {STOP!r}, note_of(sys.argv[2]))
+from yahboomd.tools.port.tool_guard import ToolGuard
+guard = ToolGuard.start(int(sys.argv[1]), {STOP!r}, note_of(sys.argv[2]))
 for mark in sys.argv[3]:
     guard.mark(mark == "+")
 print(guard._process.pid, flush=True)
@@ -86,12 +86,14 @@ def stops(far: int) -> None:
 def written(far: int) -> bytes:
     """All that was written until every process has let go of the port."""
     found = b""
-    try:
-        while data := os.read(far, 4096):
-            found += data
-    except OSError:
-        return found
-    return found
+    os.set_blocking(far, False)
+    while True:
+        try:
+            found += os.read(far, 4096)
+        except BlockingIOError:
+            select.select([far], [], [], 0.05)
+        except OSError:
+            return found
 
 
 def test_after_a_kill_in_a_pulse_stops_are_sent_until_the_wheels_are_seen(port: Ends) -> None:
@@ -119,7 +121,7 @@ def test_a_process_that_dies_between_pulses_is_let_alone(port: Ends) -> None:
 
 @pytest.mark.nightly
 def test_a_guard_that_is_closed_in_order_writes_nothing_and_ends(port: Ends) -> None:
-    guard = Guard.start(port.fd, STOP, port.note)
+    guard = ToolGuard.start(port.fd, STOP, port.note)
     guard.mark(True)
     guard.mark(False)
     guard.close()
@@ -138,11 +140,11 @@ def test_signals_of_the_terminal_do_not_end_it(port: Ends) -> None:
 
 @pytest.mark.nightly
 def test_without_the_guard_there_is_no_pulse(port: Ends) -> None:
-    closed = Guard.start(port.fd, STOP, port.note)
+    closed = ToolGuard.start(port.fd, STOP, port.note)
     closed.close()
     with pytest.raises(BoardError, match="no motor is turned"):
         closed.mark(True)
-    killed = Guard.start(port.fd, STOP, port.note)
+    killed = ToolGuard.start(port.fd, STOP, port.note)
     os.kill(killed._process.pid, signal.SIGKILL)
     killed._process.wait()
     with pytest.raises(BoardError, match="no motor is turned"):
@@ -155,7 +157,7 @@ def test_without_the_guard_there_is_no_pulse(port: Ends) -> None:
 async def test_a_port_that_went_away_is_let_go_and_a_dismissed_guard_ends(port: Ends) -> None:
     assert port.note.device is not None
     away = port.note._replace(device=port.note.device._replace(node="gone"))
-    guard = Guard.start(port.fd, STOP, away)
+    guard = ToolGuard.start(port.fd, STOP, away)
     guard.mark(True)
     waiting = asyncio.create_task(guard.stopped_after_loss())
     os.close(port.fd)

@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 import zenoh
 from event_check import assert_registered
+from left_guards import end_guards
 from process_priority import BOARD_NICE, DAEMON_NICE, prefer
 from truth_tail import Tail
 from zenoh_fixtures import free_endpoint
@@ -291,6 +292,7 @@ def real_robot(tmp_path: Path) -> Iterator[Callable[..., RealRobot]]:
         return robots[-1]
 
     yield make
+    end_guards()
     for robot in robots:
         robot.close()
 

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from left_guards import end_guards
 from process_priority import BOARD_NICE, prefer
 from real_robot import Process, wait_for
 
@@ -99,5 +100,6 @@ def simulated_board(tmp_path: Path) -> Iterator[Callable[..., SimulatedBoard]]:
         return boards[-1]
 
     yield start
+    end_guards()
     for board in boards:
         board.close()

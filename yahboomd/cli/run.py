@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING
 
 from yahboomd.cli.shared_options import add_config_options, add_port_option, read_config
 from yahboomd.core.errors import BusError, YahboomdError
-from yahboomd.tools.port import run_guard
+from yahboomd.tools.port import charge
 from yahboomd.tools.stop.last_stop import say
 from yahboomd.tools.stop.unresponsive import FROZEN, is_yahboomd, process_state
 
-_ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+GUARDED_S = 2.0
+"""The guard ends a daemon that is silent for this long, as the unit's watchdog does."""
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -145,27 +146,11 @@ def _has_watchdog(environ: Mapping[str, str]) -> bool:
 
 def _start_guard() -> int | None:
     """Start the guard; returns the non-blocking pipe to it, or None after a warning."""
-    import subprocess
-
     from yahboomd.core.config import runtime_folder
 
     folder = runtime_folder(os.environ, user_id=os.getuid())
     try:
-        reading, writing = os.pipe()
-        try:
-            guard = subprocess.Popen(  # noqa: S603 - a script of this package
-                [
-                    *(sys.executable, "-I", "-S", run_guard.__file__),
-                    *(str(reading), str(os.getpid()), str(folder)),
-                    os.pathsep.join((_ROOT, *sys.path)),
-                ],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                pass_fds=(reading,),
-                start_new_session=True,
-            )
-        finally:
-            os.close(reading)
+        guard, writing = charge.start(GUARDED_S, kills=True, folder=str(folder))
     except OSError as error:
         say(
             f"The guard does not start ({error.strerror}): if this process is killed or freezes, "

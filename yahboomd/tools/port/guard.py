@@ -1,185 +1,262 @@
-"""A second process that releases the motors if the first one dies or hangs during a pulse.
+"""The guard: a process that stops the wheels of whatever drove them, and no longer can.
 
-The board has no timeout: a motor whose pulse is not ended turns for ever. A killed process cannot
-end it, so another process watches over each pulse, on the same open port. It stops the wheels of a
-process that is killed, or whose port goes away, and ends when it has seen them stand.
+`yahboomd run`, `setup` and `tune` start it. It is small, and in a session of its own, so that
+neither a terminal nor a signal to its owner's job reaches it. Its decisions are those of
+:mod:`yahboomd.tools.port.guard_law`; here they are carried out.
+
+It runs as a script with the standard library alone, and imports the rest after its first stop.
 """
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import errno
 import os
 import select
-import subprocess
+import signal
 import sys
 import time
-from typing import Self
+from collections.abc import Iterator
+from itertools import chain, count
+from typing import TYPE_CHECKING
 
-from yahboomd.core.errors import BoardError
+if __name__ == "__main__":
+    # Without `site` Python finds the standard library only.
+    sys.path += sys.argv[2].split(os.pathsep)
+
 from yahboomd.core.link import port_note
 from yahboomd.core.link.port_note import PortNote
-from yahboomd.core.link.seize import Seized
+from yahboomd.core.link.seize import Seized, stop_again
+from yahboomd.tools.port import guard_law as law
+from yahboomd.tools.port.charge import ANSWER, Charge
 from yahboomd.tools.stop import last_stop
 
-OVERDUE_S = 0.6
-"""A little longer than a pulse; after it the guard stops the wheels, whatever the tool does."""
+if TYPE_CHECKING:
+    from yahboomd.core.link.takeover import TakeoverReport
 
-READY_WITHIN_S = 10.0
-ENDS_WITHIN_S = 2.0
-STOP_PERIOD_S = 0.05
+KILLED = (
+    "yahboomd (pid {pid}) was frozen or starved for {lease:g} s, and was killed. To drive, start "
+    "it again."
+)
+ENDED = "yahboomd (pid {pid}) ended and left wheels that may turn."
 
-ENDED = "A command of yahboomd ended and left wheels that may turn."
+ASK_S = 1.0
+"""The period at which daemons are asked whether they are connected to the device."""
 
-BEGINS, ENDS, LOST = b"+", b"-", b"l"
+SAID_AFTER_S = (1.0, 10.0)
+SAID_EVERY_S = 60.0
+
+FAR_MS = 10**15
+"""A promise without an end: the owner is starting, or ending."""
+
+NEVER_MS = 60_000
+"""A poll without an end: the longest that poll(2) needs."""
 
 _HELD_BACK = (errno.EAGAIN, errno.EINTR)
 
 
 class Guard:
-    """The guard, as seen from the process that it watches.
+    """Carries out the guard's decisions."""
 
-    Attributes:
-        pulse: A pulse began, and its wheels were not seen to stand yet.
-    """
+    def __init__(self, charge: Charge) -> None:
+        self._charge = charge
+        self._limits = law.Limits(kill_after=0 if charge.kills else FAR_MS)
+        self._state = law.State()
+        self._note: PortNote | None = None
+        self._seized: Seized | None = None
+        self._data = b""
+        self._why = ENDED
+        self._trouble: Exception | TakeoverReport | None = None
+        self._outcome = ""
+        self._over = False
+        self._began_s = self._asked_s = 0.0
+        self._due_s: Iterator[float] = chain(SAID_AFTER_S, count(SAID_EVERY_S, SAID_EVERY_S))
+        self._word_s = next(self._due_s)
 
-    def __init__(self, process: subprocess.Popen[bytes]) -> None:
-        self._process = process
-        self.pulse = False
+    def serve(self) -> None:
+        """Guard until the wheels were seen to stand."""
+        if self._charge.port >= 0:
+            self._take(law.Shared())
+        poll = select.poll()
+        poll.register(self._charge.messages, select.POLLIN)
+        with contextlib.suppress(OSError):
+            # A child of the owner may hold the other end of its messages.
+            owner = os.pidfd_open(self._charge.owner)
+            if os.getppid() == self._charge.owner:
+                poll.register(owner, select.POLLIN)
+        while not self._over:
+            due, now = self._state.due, _now_ms()
+            wait_ms = NEVER_MS if due is None else max(0, min(NEVER_MS, due - now))
+            if self._state.owner == "ended":
+                time.sleep(wait_ms / 1000.0)
+            elif poll.poll(wait_ms):
+                self._hear()
+            if not self._over:
+                self._take(law.Tick())
+                self._tell()
 
-    @classmethod
-    def start(cls, fd: int, stop: bytes, note: PortNote) -> Self:
-        """Start a guard.
+    # What the owner says.
 
-        Args:
-            fd: The open port.
-            stop: Bytes that release the motors, from any state of the board's parser.
-            note: The device and how its port was opened.
+    def _hear(self) -> None:
+        """Take its messages; without any, it has ended, or leaves its wheels to the guard."""
+        poll = select.poll()
+        poll.register(self._charge.messages, select.POLLIN)
+        data = os.read(self._charge.messages, 4096) if poll.poll(0) else b""
+        if not data:
+            self._began_s = self._asked_s = time.monotonic()
+            self._take(law.Ended())
+            return
+        *lines, self._data = (self._data + data).split(b"\n")
+        for line in lines:
+            self._read(*line.partition(b"=")[::2])
 
-        Raises:
-            OSError: The process does not start.
-        """
-        process = subprocess.Popen(  # noqa: S603 - this module
-            [sys.executable, "-m", __name__, str(fd), stop.hex(), port_note.text_of(note)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            pass_fds=(fd,),
-            # Protects it from Ctrl-C and from a terminal that hangs up.
-            start_new_session=True,
-        )
-        guard = cls(process)
-        assert process.stdout is not None
-        if not select.select([process.stdout], [], [], READY_WITHIN_S)[0] or not os.read(
-            process.stdout.fileno(), 1
-        ):
-            guard.dismiss()
-            raise OSError("the process that would stop the wheels after a crash does not start")
-        return guard
+    def _read(self, name: bytes, value: bytes) -> None:
+        state = self._state
+        if name == b"PORT":
+            self._note = port_note.note_of(value)
+            if not state.turning:
+                self._take(law.Renewed(FAR_MS))
+        elif name in {b"READY", b"WATCHDOG"}:
+            self._take(law.Acknowledged(state.stop))
+            self._take(law.Renewed(_now_ms() + round(1000.0 * self._charge.lease_s)))
+        elif name == b"STOPPING" and state.turning:
+            self._take(law.Renewed(FAR_MS))
+        elif name == b"STANDING":
+            self._take(law.Standing())
+        elif name == b"LOST":
+            self._take(law.CloseAsked())
+            self._began_s = self._asked_s = time.monotonic()
+            self._take(law.Ended())
 
-    def mark(self, pulse: bool) -> None:
-        """Tell the guard that a pulse begins (True), or that it ended and the wheels stand.
+    # What the machine decides.
 
-        Raises:
-            BoardError: The guard is gone: there must be no pulse.
-        """
-        self.pulse = pulse
-        try:
-            self._tell(BEGINS if pulse else ENDS)
-        except (OSError, ValueError) as error:
-            raise BoardError(
-                "The process that lets the motors go after a crash has ended: no motor is turned."
-            ) from error
+    def _take(self, event: law.Event) -> None:
+        self._state, actions = law.step(self._state, event, _now_ms(), self._limits)
+        for action in actions:
+            answer = self._carry_out(action)
+            if answer is not None:
+                self._take(answer)
+            if isinstance(answer, law.Gone):
+                break
 
-    async def stopped_after_loss(self) -> str:
-        """Leave a port that went away to the guard, and wait until that saw the wheels stand.
-
-        Returns:
-            The outcome in words; empty if the guard was killed.
-        """
-        assert self._process.stdout is not None
-        with contextlib.suppress(OSError, ValueError):
-            self._tell(LOST)
-        fd, loop, told = self._process.stdout.fileno(), asyncio.get_running_loop(), asyncio.Event()
-        loop.add_reader(fd, told.set)
-        try:
-            await told.wait()
-        finally:
-            loop.remove_reader(fd)
-        return os.read(fd, 4096).decode()
-
-    def dismiss(self) -> None:
-        """End the guard without a stop: a person takes care of the wheels."""
-        self._process.kill()
-        self.close()
-
-    def close(self, within_s: float = ENDS_WITHIN_S) -> None:
-        """End the guard; if a pulse has not ended, it first sees the wheels stand.
-
-        Args:
-            within_s: How long that is waited for. The guard goes on without this process.
-        """
-        for pipe in (self._process.stdin, self._process.stdout):
-            if pipe is not None:
-                pipe.close()
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(within_s)
-        # Tells subprocess not to wait for it.
-        self._process.returncode = 0
-
-    def _tell(self, mark: bytes) -> None:
-        assert self._process.stdin is not None
-        os.write(self._process.stdin.fileno(), mark)
-
-
-def watch(fd: int, stop: bytes, note: PortNote) -> None:
-    """Watch over pulses until standard input ends, or the port goes away in a pulse."""
-    last_stop.ignore_signals()
-    os.write(1, b"!")
-    wait_s: float | None = None
-    pulse = lost = False
-    while not lost:
-        if not select.select([0], [], [], wait_s)[0]:
-            # Overdue: stop again and again, until the other process goes on or is gone.
-            lost, wait_s = not _send(fd, stop), STOP_PERIOD_S
-        elif marks := os.read(0, 64):
-            lost = LOST in marks
-            if state := marks.replace(LOST, b"")[-1:]:
-                pulse, wait_s = state == BEGINS, OVERDUE_S if state == BEGINS else None
+    def _carry_out(self, action: law.Action) -> law.Event | None:
+        if action == "answer":
+            os.write(1, ANSWER)
+        elif action in {"send zero", "send surest"}:
+            return self._send()
+        elif action == "open":
+            return self._open()
+        elif action == "look":
+            return self._look()
+        elif action == "close":
+            self._close()
+        elif action == "kill":
+            if os.getppid() == self._charge.owner:
+                # While it is the parent, its id cannot belong to another process.
+                os.kill(self._charge.owner, signal.SIGKILL)
+                self._why = KILLED
         else:
-            break
-    if not pulse:
-        return
-    seized = None
-    if not lost and _send(fd, stop):
-        seized = Seized(fd, note.path, note.baudrate, time.monotonic_ns())
-    else:
-        # While it is open, the kernel gives its name to no other device.
-        os.close(fd)
-    words, _ = last_stop.stop_until_seen(note, ENDED, seized=seized, tell=_say)
-    _say(words)
-    with contextlib.suppress(OSError):
-        os.write(1, words.encode())
+            self._end()
+        return None
+
+    @property
+    def _fd(self) -> int:
+        return self._charge.port if self._seized is None else self._seized.fd
+
+    def _send(self) -> law.Event | None:
+        try:
+            os.write(self._fd, bytes.fromhex(self._charge.stop))
+        except OSError as error:
+            self._trouble = error
+            return None if error.errno in _HELD_BACK else law.Gone()
+        return None
+
+    def _open(self) -> law.Event:
+        if self._note is None:
+            # It had no port.
+            return law.Looked(stand=True)
+        try:
+            self._seized = last_stop.seize_again(self._note)
+        except OSError as error:
+            self._trouble = error
+        else:
+            return law.Opened(ours=True)
+        if time.monotonic() - self._asked_s >= ASK_S:
+            self._asked_s = time.monotonic()
+            if words := last_stop.connected_daemon(last_stop.path_of(self._note)):
+                self._outcome = words
+                return law.Relieved()
+        return law.Opened(ours=False)
+
+    def _look(self) -> law.Event:
+        note = self._note
+        assert note is not None
+        if self._seized is None:
+            self._seized = Seized(self._fd, note.path, note.baudrate, time.monotonic_ns())
+        if self._why:
+            self._say(f"{self._explained_why()} A stop was sent.")
+            self._why = ""
+        try:
+            stop_again(self._seized)
+        except OSError as error:
+            self._trouble = error
+            if error.errno != errno.ETIMEDOUT:
+                return law.Gone()
+        try:
+            self._trouble = report = last_stop.watched(self._seized)
+        except Exception as error:  # noqa: BLE001 - whatever fails, stops go on
+            self._trouble = error
+            return law.Looked(stand=False)
+        return law.Looked(stand=report.stood is True)
+
+    def _close(self) -> None:
+        """Close the port: while it is open, the kernel gives its name to no other device."""
+        with contextlib.suppress(OSError):
+            os.close(self._fd)
+        self._seized = None
+        self._charge = self._charge._replace(port=-1)
+
+    def _end(self) -> None:
+        self._over = True
+        if self._trouble is not None and not isinstance(self._trouble, Exception):
+            from yahboomd.tools.stop.stop_port import describe
+
+            self._outcome = self._outcome or describe(self._trouble)
+            if self._trouble.stood:
+                port_note.end(self._charge.folder, self._charge.owner)
+        if self._outcome:
+            self._say(self._outcome)
+            with contextlib.suppress(OSError):
+                os.write(1, self._outcome.encode())
+
+    # What a person hears.
+
+    def _explained_why(self) -> str:
+        return self._why.format(pid=self._charge.owner, lease=self._charge.lease_s)
+
+    def _tell(self) -> None:
+        """Say what keeps it from its end."""
+        if self._state.owner != "ended" or self._note is None:
+            return
+        if self._over or time.monotonic() - self._began_s < self._word_s:
+            return
+        self._word_s = next(self._due_s)
+        words = last_stop.unfinished(self._note, self._trouble)
+        self._say(f"{self._explained_why()} {words}".lstrip())
+        self._why = ""
+
+    def _say(self, words: str) -> None:
+        """Print words, unless the owner lives: it says them itself."""
+        poll = select.poll()
+        poll.register(self._charge.messages, 0)
+        if os.getppid() != self._charge.owner or poll.poll(0):
+            last_stop.say(words)
 
 
-def _send(fd: int, stop: bytes) -> bool:
-    """Send the stop if the port takes it now; returns whether the port is still there."""
-    try:
-        os.write(fd, stop)
-    except OSError as error:
-        return error.errno in _HELD_BACK
-    return True
-
-
-def _say(words: str) -> None:
-    """Print a line, unless the watched process lives, which says it itself."""
-    poll = select.poll()
-    poll.register(0, 0)
-    if poll.poll(0):
-        last_stop.say(words)
+def _now_ms() -> int:
+    return time.monotonic_ns() // 1_000_000
 
 
 if __name__ == "__main__":
-    opened = port_note.note_of(sys.argv[3])
-    assert opened is not None
-    watch(int(sys.argv[1]), bytes.fromhex(sys.argv[2]), opened)
+    last_stop.ignore_signals()
+    Guard(Charge.of(sys.argv[1])).serve()

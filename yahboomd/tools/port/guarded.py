@@ -18,7 +18,7 @@ from yahboomd.core.link.port import SerialPort
 from yahboomd.core.link.port_identity import identify
 from yahboomd.core.link.port_note import PortNote
 from yahboomd.core.protocol.dialect import Dialect
-from yahboomd.tools.port.guard import Guard
+from yahboomd.tools.port.tool_guard import ToolGuard
 
 PLUG_IN = (
     "{port} went away while wheels may turn, and they turn on. Plug the board in again, into the "
@@ -52,7 +52,7 @@ class GuardedPort:
     def __init__(self, line: Line, config: Config) -> None:
         self._line = line
         self._port = port = line.port
-        self._guard: Guard | None = None
+        self._guard: ToolGuard | None = None
         self.turning = False
         self.note: PortNote | None = None
         if isinstance(port, SerialPort):
@@ -77,7 +77,7 @@ class GuardedPort:
         assert self.note is not None
         stop = dialect.resync + dialect.surest_stop
         try:
-            self._guard = Guard.start(self._port.fileno(), stop, self.note)
+            self._guard = ToolGuard.start(self._port.fileno(), stop, self.note)
         except OSError as error:
             raise BoardError(f"No motor is turned: {error}.") from error
 

@@ -1,11 +1,7 @@
-"""The last stop: what a guard does when the process that drove the wheels is gone.
+"""What a guard needs for its last stop: the device again, a look at its wheels, and words.
 
-It ends once the counts have shown standing wheels, however long that takes. Until then it sends
-stops on the port, and opens the device again if that went away: the device, not its name, which
-another one may get. Only a daemon that answers that it is connected to this device ends it sooner,
-because connecting begins with a stop.
-
-The first stop needs only the standard library; what reads counts is imported after it.
+It opens the device, not its name, which another one may get. The first stop needs only the standard
+library; what reads counts is imported after it.
 """
 
 from __future__ import annotations
@@ -15,26 +11,16 @@ import errno
 import os
 import select
 import signal
-import time
-from collections.abc import Callable
-from itertools import chain, count
 from typing import TYPE_CHECKING
 
 from yahboomd.core.link.port_identity import find, identify, is_pseudo
 from yahboomd.core.link.port_note import PortNote
-from yahboomd.core.link.seize import Seized, seize, stop_again
+from yahboomd.core.link.seize import Seized, seize
 
 if TYPE_CHECKING:
     from yahboomd.core.link.takeover import TakeoverReport
 
-LOOK_S = 0.1
-"""The period at which the device is opened, or the port stopped again."""
-
-ASK_S = 1.0
-"""The period at which daemons are asked whether they are connected to the device."""
-
-SAID_AFTER_S = (1.0, 10.0)
-SAID_EVERY_S = 60.0
+ANSWERS_WITHIN_S = 0.1
 SAID_WITHIN_S = 0.2
 
 
@@ -42,60 +28,6 @@ def ignore_signals() -> None:
     """Ignore what ends a service, a session or a job: then a guard is needed most."""
     for number in signal.valid_signals() - {signal.SIGKILL, signal.SIGSTOP, signal.SIGCHLD}:
         signal.signal(number, signal.SIG_IGN)
-
-
-def stop_until_seen(
-    note: PortNote,
-    why: str,
-    *,
-    seized: Seized | None = None,
-    dismissed: Callable[[], bool] = lambda: False,
-    tell: Callable[[str], None] | None = None,
-) -> tuple[str, bool]:
-    """Stop the wheels at a device until they are seen to stand.
-
-    Args:
-        note: The device and how its port was opened.
-        why: A sentence for the first words.
-        seized: Its port, if that is open.
-        dismissed: Whether a person takes care of the wheels.
-        tell: Shows words to a person; None: on standard error.
-
-    Returns:
-        The outcome in words, and whether the wheels were seen to stand.
-    """
-    tell = tell or say
-    began_s = asked_s = time.monotonic()
-    due_s = chain(SAID_AFTER_S, count(SAID_EVERY_S, SAID_EVERY_S))
-    word_s = next(due_s)
-    while not dismissed():
-        trouble: Exception | TakeoverReport | None
-        seized, trouble = _stopped(note, seized)
-        if seized is not None:
-            if why:
-                tell(f"{why} A stop was sent.")
-                why = ""
-            try:
-                report = _watched(seized)
-            except Exception as error:  # noqa: BLE001 - whatever fails, stops go on
-                trouble = error
-            else:
-                trouble = report
-                if report.stood:
-                    os.close(seized.fd)
-                    from yahboomd.tools.stop.stop_port import describe
-
-                    return describe(report), True
-        elif time.monotonic() - asked_s >= ASK_S:
-            asked_s = time.monotonic()
-            if words := _connected_daemon(path_of(note)):
-                return words, False
-        if time.monotonic() - began_s >= word_s:
-            word_s = next(due_s)
-            tell(f"{why} {_unfinished(note, trouble)}".lstrip())
-            why = ""
-        time.sleep(LOOK_S)
-    return "", False
 
 
 def seize_again(note: PortNote) -> Seized:
@@ -124,22 +56,7 @@ def path_of(note: PortNote) -> str:
     return found or ""
 
 
-def _stopped(note: PortNote, seized: Seized | None) -> tuple[Seized | None, OSError | None]:
-    """Send stops; returns the port if it is open then, and what failed."""
-    try:
-        if seized is None:
-            return seize_again(note), None
-        stop_again(seized)
-    except OSError as error:
-        if seized is None or error.errno == errno.ETIMEDOUT:
-            return seized, error
-        # It is gone. As long as it is open, the kernel gives its name to no device.
-        os.close(seized.fd)
-        return None, error
-    return seized, None
-
-
-def _watched(seized: Seized) -> TakeoverReport:
+def watched(seized: Seized) -> TakeoverReport:
     """Stop a board, and watch its wheels for some seconds; the port stays open, and ours."""
     import asyncio
 
@@ -150,7 +67,7 @@ def _watched(seized: Seized) -> TakeoverReport:
     return asyncio.run(take_over_seized(shared, SystemClock()))
 
 
-def _unfinished(note: PortNote, trouble: Exception | TakeoverReport | None) -> str:
+def unfinished(note: PortNote, trouble: Exception | TakeoverReport | None) -> str:
     """What keeps a guard from its end, and what a person can do."""
     from yahboomd.core.link.port_errors import explained
     from yahboomd.tools.stop.stop_port import describe
@@ -169,12 +86,12 @@ def _unfinished(note: PortNote, trouble: Exception | TakeoverReport | None) -> s
     )
 
 
-def _connected_daemon(path: str) -> str:
+def connected_daemon(path: str) -> str:
     """A sentence about the daemon that answers that it is connected to a device; empty for none."""
     from yahboomd.tools.stop.stop_local import find as find_daemons
     from yahboomd.tools.stop.stop_local import same_port
 
-    for daemon in find_daemons(os.environ, within_s=LOOK_S) if path else ():
+    for daemon in find_daemons(os.environ, within_s=ANSWERS_WITHIN_S) if path else ():
         ours = any(same_port(port, path) for port in daemon.ports)
         if ours and daemon.connected and daemon.believed:
             return f"yahboomd (pid {daemon.pid}) has {path} now, and began with a stop."

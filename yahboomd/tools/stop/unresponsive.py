@@ -49,9 +49,7 @@ def measuring(pid: int, *, proc: str = "/proc") -> str:
 def is_guard(pid: int, *, proc: str = "/proc") -> bool:
     """Whether a process is a guard, which only stops wheels after a tool or daemon was killed."""
     words = arguments(pid, proc=proc)[:4]
-    return "yahboomd.tools.port.guard" in words or any(
-        word.endswith("yahboomd/tools/port/run_guard.py") for word in words
-    )
+    return any(word.endswith("yahboomd/tools/port/guard.py") for word in words)
 
 
 def runtime_directory(pid: int, *, proc: str = "/proc") -> str:

@@ -1,0 +1,296 @@
+"""The guard's decisions, in every order in which owner, port, board and other programs can act.
+
+Small models of them are explored together with the machine to a fixed point, in ticks of its
+period. Then each rule of the machine is taken out, and the exploration has to find that.
+"""
+
+from __future__ import annotations
+
+import inspect
+import types
+from collections import deque
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import pytest
+
+from yahboomd.tools.port import guard_law as guard
+from yahboomd.tools.port.guard_law import Limits
+
+PROMISE = 2
+LIMITS = Limits(repeat=1, late=1, patience=1, surest_after=2, kill_after=4, numbers=2)
+LATE = 2 * LIMITS.late + 1
+"""The guard is late again when its patience ends."""
+
+STANDS_WITHIN = {
+    # The promise, and patience with a guard that woke late.
+    "turn": PROMISE + LIMITS.late,
+    "runaway": PROMISE + LIMITS.surest_after,
+    # A frozen owner that alone has the port is killed first.
+    "locked": PROMISE + LIMITS.kill_after,
+}
+"""Ticks until wheels stand, by what they do or what keeps the guard from them."""
+
+
+class World(NamedTuple):
+    """All that can differ; the time is 0, and the guard's times are relative to it.
+
+    Attributes:
+        guard: Its state; None once it has ended.
+        knows: The number of the stop that the owner acknowledged last.
+        writes: The owner has read the number, and writes a motion next.
+        promise: What is left of the owner's promise; None if it made none since the wheels stood.
+        own: The owner's descriptor: none, good or dead.
+        shared: The guard's.
+        lock: Who has locked the device: both, guard, foreign or nothing.
+        wheels: They stand, turn, or run away, which only the surest stop ends.
+    """
+
+    guard: Any
+    owner: str = "runs"
+    knows: int = 0
+    writes: bool = False
+    promise: int | None = None
+    own: str = ""
+    shared: str = ""
+    lock: str = ""
+    wheels: str = "stand"
+    hears: bool = True
+    plugged: bool = True
+
+
+class Broken(Exception):
+    """A law is."""
+
+
+class Explorer:
+    """The laws of a machine, in every world that can be reached."""
+
+    def __init__(self, machine: Any) -> None:
+        self.machine = machine
+        self.worst: dict[str, int] = {}
+
+    def explore(self) -> int:
+        """Look at all of them; their number."""
+        first = World(self.machine.State())
+        self.worst = dict.fromkeys(STANDS_WITHIN, 0)
+        seen, new = {first}, deque([first])
+        while new:
+            world = new.popleft()
+            self.check(world)
+            for after in map(self.settled, self.successors(world)):
+                if after not in seen:
+                    seen.add(after)
+                    new.append(after)
+        return len(seen)
+
+    def check(self, world: World) -> None:
+        """While it runs, and the board hears, and the port can be had, the wheels soon stand.
+
+        Unless their owner drives them: it lives, and knows of the newest stop.
+        """
+        state = world.guard
+        if state is None:
+            return
+        if state.acknowledged and world.owner != "dead" and world.knows != state.stop:
+            raise Broken(f"its stop is not acknowledged: {world}")
+        if world.wheels == "stand" or (world.owner == "runs" and state.acknowledged):
+            return
+        # From now on nothing is in its way.
+        lock = "" if world.lock == "foreign" else world.lock
+        world = world._replace(hears=True, plugged=True, lock=lock)
+        kind = "locked" if world.own == "good" != world.shared else world.wheels
+        self.worst[kind] = max(self.worst[kind], self.ticks(world, STANDS_WITHIN[kind], 1))
+        # However late the guard wakes.
+        self.ticks(world, 2 * STANDS_WITHIN[kind], LATE)
+
+    def ticks(self, world: World, most: int, time: int) -> int:
+        """How often the guard wakes before the wheels stand."""
+        for ticks in range(1, most + 1):
+            if world.owner == "dead" and world.guard.owner != "ended":
+                (world,) = self.feed(world, self.machine.Ended(), lucky=True)
+            elif world.owner == "runs" and world.promise is not None:
+                (world,) = self.feed(world, self.machine.Renewed(PROMISE), lucky=True)
+            if world.wheels != "stand":
+                (world,) = self.feed(self.later(world, time), self.machine.Tick(), lucky=True)
+            if world.wheels == "stand":
+                return ticks
+        raise Broken(f"they turn on: {world}")
+
+    def successors(self, world: World) -> Iterator[World]:
+        """What can happen next."""
+        if world.guard is None:
+            return
+        machine = self.machine
+        for time in (1, LATE):
+            yield from self.feed(self.later(world, time), machine.Tick())
+        yield from self.by_owner(world)
+        if world.owner != "dead":
+            frozen = "frozen" if world.owner == "runs" else "runs"
+            yield world._replace(owner=frozen)
+            yield self.killed(world)
+        elif world.guard.owner != "ended":
+            yield from self.feed(world, machine.Ended())
+        yield world._replace(hears=not world.hears)
+        if world.plugged:
+            own, shared = (fd and "dead" for fd in (world.own, world.shared))
+            yield world._replace(plugged=False, own=own, shared=shared, lock="")
+        else:
+            yield world._replace(plugged=True)
+        if world.lock == "foreign":
+            yield world._replace(lock="")
+        elif world.plugged and not world.lock:
+            yield world._replace(lock="foreign")
+            # The next owner: it stops the wheels before it answers.
+            yield from self.feed(self.stopped(world)._replace(lock="foreign"), machine.Relieved())
+
+    def by_owner(self, world: World) -> Iterator[World]:
+        if world.owner != "runs":
+            return
+        machine, state = self.machine, world.guard
+        if world.writes:
+            yield world._replace(writes=False)
+            if world.own == "good" and world.hears:
+                yield world._replace(writes=False, wheels="turn")
+                yield world._replace(writes=False, wheels="runaway")
+            return
+        yield from self.feed(world, machine.Acknowledged(world.knows))
+        if world.knows != state.stop:
+            told = self.feed(world, machine.Acknowledged(state.stop))
+            yield from (each._replace(knows=state.stop) for each in told)
+        elif world.own == world.shared == "good" and world.promise is not None:
+            yield world._replace(writes=True)
+        if world.own == world.shared == "good":
+            yield from self.feed(world._replace(promise=PROMISE), machine.Renewed(PROMISE))
+        if world.shared:
+            (asked,) = self.feed(world, machine.CloseAsked())
+            if asked.shared:
+                raise Broken(f"it keeps the port from its owner: {world}")
+            yield asked
+        elif world.own:
+            yield self.unlocked(world._replace(own=""))
+        elif world.plugged and not world.lock:
+            opened = self.stopped(world)._replace(own="good", shared="good", lock="both")
+            yield from self.feed(opened, machine.Shared())
+        if world.own == "good" and world.hears and world.wheels == "stand":
+            yield from self.feed(world._replace(promise=None), machine.Standing())
+
+    def feed(self, world: World, event: Any, *, lucky: bool = False) -> list[World]:
+        """Let the machine act; the worlds that may follow, or the one where all succeeds."""
+        before = world.guard
+        state, actions = self.machine.step(before, event, 0, LIMITS)
+        if world.owner != "dead" and before.acknowledged and not state.acknowledged:
+            if world.promise is None or world.promise > 0:
+                raise Broken(f"a kept promise is interrupted: {world}")
+            if world.promise < -LIMITS.late and not before.patient:
+                raise Broken(f"it interrupts a promise for a pause of its own: {world}")
+        worlds = [world._replace(guard=state)]
+        for number, action in enumerate(actions):
+            if action in {"send zero", "send surest", "look"} and worlds[0].shared != "good":
+                # What fails ends the row.
+                return self.feed(worlds[0], self.machine.Gone(), lucky=lucky)
+            worlds = [w for each in worlds for w in self.act(each, action, lucky=lucky)]
+            assert len(worlds) == 1 or number == len(actions) - 1
+        return worlds
+
+    def act(self, world: World, action: str, *, lucky: bool) -> list[World]:
+        machine = self.machine
+        if action == "send zero":
+            return [self.stopped(world) if world.wheels == "turn" else world]
+        if action == "send surest":
+            return [self.stopped(world)]
+        if action == "look":
+            world = self.stopped(world)
+            stands = world.hears and world.wheels == "stand"
+            seen = [machine.Looked(True)] if stands else []
+            unseen = [] if lucky and seen else [machine.Looked(False)]
+            return [w for each in seen + unseen for w in self.feed(world, each, lucky=lucky)]
+        if action == "open":
+            ours = world.plugged and not world.lock
+            if ours:
+                world = self.stopped(world)._replace(lock="guard", shared="good")
+            return self.feed(world, machine.Opened(ours), lucky=lucky)
+        if action == "close":
+            return [self.unlocked(world._replace(shared=""))]
+        if action == "kill":
+            return [self.killed(world)]
+        if action == "end":
+            if world.owner != "dead":
+                raise Broken(f"it leaves its owner alone: {world}")
+            if world.wheels != "stand" and world.lock != "foreign":
+                raise Broken(f"it ends beside turning wheels: {world}")
+            return [world._replace(guard=None)]
+        assert action == "answer"
+        return [world]
+
+    def stopped(self, world: World) -> World:
+        return world._replace(wheels="stand") if world.hears and world.plugged else world
+
+    def killed(self, world: World) -> World:
+        return self.unlocked(world._replace(owner="dead", own="", writes=False))
+
+    def unlocked(self, world: World) -> World:
+        held = "good" in (world.own, world.shared)
+        return world._replace(lock="" if world.lock != "foreign" and not held else world.lock)
+
+    def later(self, world: World, time: int) -> World:
+        state = world.guard
+        due = None if state.due is None else state.due - time
+        moved = state._replace(until=state.until - time, since=state.since - time, due=due)
+        promise = None if world.promise is None else max(-LATE, world.promise - time)
+        return world._replace(guard=moved, promise=promise)
+
+    def settled(self, world: World) -> World:
+        """The same without differences that mean nothing."""
+        state = world.guard
+        if state is None:
+            return world
+        until = max(-LATE, state.until) if state.turning else 0
+        since = 0 if state.acknowledged else max(-LIMITS.kill_after, state.since)
+        due = None if state.due is None else max(-LATE, state.due)
+        return world._replace(guard=state._replace(until=until, since=since, due=due))
+
+
+def test_wheels_stand_in_time_and_the_guard_ends_beside_standing_wheels() -> None:
+    explorer = Explorer(guard)
+    assert explorer.explore() > 10_000
+    # No time is longer than it has to be.
+    assert explorer.worst == STANDS_WITHIN
+
+
+@pytest.mark.parametrize(
+    ("rule", "without"),
+    [
+        ("state.until if state.turning else None", "None"),
+        ("turning=True, until=until", "turning=True, until=now"),
+        ("state._replace(turning=False)", "state"),
+        ("if not state.acknowledged:\n        return state", "if False:\n        return state"),
+        ("if stop != state.stop:", "if False:"),
+        ('_replace(holds=False), ("close", "answer")', '_replace(holds=False), ("answer",)'),
+        ('_replace(holds=True), ("answer",)', '_replace(holds=False), ("answer",)'),
+        ('return state._replace(holds=False), ("close",)', "return state, ()"),
+        ("state = state._replace(holds=ours)", "state = state._replace(holds=True)"),
+        ("return state._replace(due=due)", "return state._replace(due=None)"),
+        ("if stand:", "if True:"),
+        (
+            'if state.owner == "ended" else ()\n        case Tick',
+            "if True else ()\n        case Tick",
+        ),
+        ("if not state.turning:", "if True:"),
+        ("if state.due is None or now < state.due:", "if state.due is None:"),
+        ('("look",) if state.holds else ("open",)', '("look",)'),
+        ("if now - state.due > limits.late and not state.patient:", "if False:"),
+        ("> limits.late and not state.patient:", "> limits.late:"),
+        ("acknowledged=False, since=now", "since=now"),
+        ("if overdue >= limits.surest_after", "if False"),
+        ("if overdue >= limits.kill_after and", "if False and"),
+        ("again = state._replace(due=now + limits.repeat)", "again = state._replace(due=None)"),
+    ],
+)
+def test_without_any_one_rule_a_law_is_broken(rule: str, without: str) -> None:
+    source = inspect.getsource(guard)
+    assert source.count(rule) == 1
+    machine = types.ModuleType("machine")
+    exec(source.replace(rule, without), machine.__dict__)
+    with pytest.raises((Broken, RecursionError)):
+        Explorer(machine).explore()

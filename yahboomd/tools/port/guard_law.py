@@ -1,0 +1,210 @@
+"""The guard's decisions: the time-out that the board lacks, as a pure machine.
+
+Whatever turns wheels promises, again and again, to go on for a moment, and may share its open port
+with the guard. If the promise lapses the guard stops the wheels; if the owner ends without having
+seen them stand, it stops them until they were seen to stand. No other process is believed.
+
+The machine takes events and returns actions; the time is an argument, in milliseconds. The I/O
+around it carries out each action before the next event. One that fails ends the row, and answers:
+
+- ``Send``: write whole frames; :class:`Gone` if the descriptor is dead;
+- ``Open``: open the device, by its identity, which sends its first stop; :class:`Opened`;
+- ``Look``: stop the board, ask for counts, and watch them for some seconds; :class:`Looked`, or
+  :class:`Gone`.
+
+What the owner wrote before its end is handed over before :class:`Ended`.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple, TypeAlias
+
+
+class Limits(NamedTuple):
+    """Times in milliseconds, and how many numbers stops have.
+
+    Attributes:
+        repeat: The period of stops, and of attempts to open the device.
+        late: A guard that wakes later than this may have stood still with its owner.
+        patience: The time that it gives the owner then.
+        surest_after: An unacknowledged stop becomes the surest one.
+        kill_after: The owner of an unacknowledged stop is killed.
+    """
+
+    repeat: int = 100
+    late: int = 200
+    patience: int = 500
+    surest_after: int = 600
+    kill_after: int = 5000
+    numbers: int = 65536
+
+
+class Shared(NamedTuple):
+    """The owner handed its open port over; it drives no wheel before the answer."""
+
+
+class CloseAsked(NamedTuple):
+    """The owner closes its port, or opens it, after the answer."""
+
+
+class Renewed(NamedTuple):
+    """The owner promises to renew again before ``until``; from now on wheels may turn."""
+
+    until: int
+
+
+class Standing(NamedTuple):
+    """The owner has seen the wheels stand, and drives none before it promises again."""
+
+
+class Acknowledged(NamedTuple):
+    """Everything that the owner wrote before it knew of a stop is on the wire, and a resync."""
+
+    stop: int
+
+
+class Ended(NamedTuple):
+    """The owner's process has ended."""
+
+
+class Gone(NamedTuple):
+    """The descriptor is dead."""
+
+
+class Opened(NamedTuple):
+    """An attempt to open the device; ``ours``: it is open, and a stop was sent."""
+
+    ours: bool
+
+
+class Looked(NamedTuple):
+    """Counts were watched; ``stand``: they showed standing wheels."""
+
+    stand: bool
+
+
+class Relieved(NamedTuple):
+    """The next owner's guard answers that it holds the device, and sent its stop."""
+
+
+class Tick(NamedTuple):
+    """Time has passed."""
+
+
+Event: TypeAlias = (
+    Shared
+    | CloseAsked
+    | Renewed
+    | Standing
+    | Acknowledged
+    | Ended
+    | Gone
+    | Opened
+    | Looked
+    | Relieved
+    | Tick
+)
+
+Action: TypeAlias = Literal[
+    "answer", "send zero", "send surest", "open", "look", "close", "kill", "end"
+]
+
+
+class State(NamedTuple):
+    """What the guard knows.
+
+    Attributes:
+        owner: Killed: by this guard; its end is awaited.
+        holds: It has a descriptor of the port.
+        turning: Wheels may turn: the owner promised, and did not see them stand since.
+        until: When the promise lapses.
+        stop: The number of the newest stop of a living owner's wheels; the owner reads it before
+            each write.
+        acknowledged: The owner wrote no motion after that stop, and may drive again.
+        since: When that stop was first sent.
+        due: When to act next; None for nothing to do.
+        patient: The guard woke late, and waits once more.
+    """
+
+    owner: Literal["lives", "killed", "ended"] = "lives"
+    holds: bool = False
+    turning: bool = False
+    until: int = 0
+    stop: int = 0
+    acknowledged: bool = True
+    since: int = 0
+    due: int | None = None
+    patient: bool = False
+
+
+Step: TypeAlias = tuple[State, tuple[Action, ...]]
+
+
+def step(state: State, event: Event, now: int, limits: Limits) -> Step:
+    """Take an event; returns the next state and what to do, in this order."""
+    match event:
+        case Shared():
+            return state._replace(holds=True), ("answer",)
+        case CloseAsked():
+            return state._replace(holds=False), ("close", "answer")
+        case Renewed(until):
+            return _awaiting(state._replace(turning=True, until=until, patient=False)), ()
+        case Standing():
+            return _awaiting(state._replace(turning=False)), ()
+        case Acknowledged(stop):
+            if stop != state.stop:
+                return state, ()
+            return _awaiting(state._replace(acknowledged=True)), ()
+        case Ended():
+            return _alone(state._replace(owner="ended"), now)
+        case Gone():
+            # The next tick opens the device again.
+            return state._replace(holds=False), ("close",)
+        case Opened(ours):
+            state = state._replace(holds=ours)
+            looks = ours and state.owner == "ended"
+            due = now + limits.repeat
+            return state._replace(due=due), ("look",) if looks else ()
+        case Looked(stand):
+            if stand:
+                return state, ("close", "end")
+            return state._replace(due=now + limits.repeat), ()
+        case Relieved():
+            return state, ("close", "end") if state.owner == "ended" else ()
+        case Tick():
+            return _acted(state, now, limits)
+
+
+def _awaiting(state: State) -> State:
+    """When to act next while the owner lives."""
+    if not state.acknowledged:
+        return state
+    return state._replace(due=state.until if state.turning else None)
+
+
+def _alone(state: State, now: int) -> Step:
+    """Act at once, now that the owner is gone."""
+    if not state.turning:
+        return state, ("close", "end")
+    return state._replace(due=now), ("send surest", "look") if state.holds else ("open",)
+
+
+def _acted(state: State, now: int, limits: Limits) -> Step:
+    if state.due is None or now < state.due:
+        return state, ()
+    again = state._replace(due=now + limits.repeat)
+    if state.owner == "ended":
+        return again, ("look",) if state.holds else ("open",)
+    if state.acknowledged:
+        if now - state.due > limits.late and not state.patient:
+            return state._replace(patient=True, due=now + limits.patience), ()
+        again = again._replace(
+            stop=(state.stop + 1) % limits.numbers, acknowledged=False, since=now, patient=False
+        )
+    overdue = now - again.since
+    actions: tuple[Action, ...] = ("open",)
+    if again.holds:
+        actions = ("send surest",) if overdue >= limits.surest_after else ("send zero",)
+    if overdue >= limits.kill_after and again.owner == "lives":
+        return again._replace(owner="killed"), ("kill", *actions)
+    return again, actions
