@@ -22,7 +22,13 @@ def test_without_a_remedy_nothing_trails() -> None:
 
 @pytest.mark.parametrize(
     ("error", "status"),
-    [(ConfigError, 78), (LinkError, 69), (PortDenied, 77), (errors.BusError, 69)],
+    [
+        (ConfigError, 78),
+        (LinkError, 69),
+        (PortDenied, 77),
+        (errors.BusError, 69),
+        (errors.BusConfigError, 78),
+    ],
 )
 def test_statuses_are_those_of_sysexits(error: type[YahboomdError], status: int) -> None:
     assert error.exit_code == status

@@ -51,6 +51,16 @@ def test_check_warns_of_what_works_and_may_surprise(empty, capsys):
     assert "every program that reaches it can drive" in shown.err
 
 
+def test_check_judges_the_file_of_zenoh_config(empty, tmp_path, capsys):
+    file = tmp_path / "zenoh.json5"
+    file.write_text("{ transport: { unicast: { lowlatency: true } } }")
+    options = ["--config", empty, "--set", f"zenoh.config={file}"]
+    assert main(["config", "check", *options]) == 78
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert f"{file} cannot be used: transport/unicast/lowlatency: " in shown.err
+
+
 def test_show_prints_what_can_be_used_as_a_file(empty, tmp_path, capsys):
     assert main(["config", "show", "--config", empty, "--set", "zenoh.namespace=bot1"]) == 0
     shown = capsys.readouterr().out

@@ -122,6 +122,20 @@ def test_wheels_that_a_crash_left_turning_are_stopped_where_the_bus_cannot_be_op
     wait_for(lambda: board.stands, "the wheels stand")
 
 
+def test_a_zenoh_file_that_cannot_be_used_ends_a_service_as_config_check_does(
+    started: Callable[..., Process], tmp_path: Path
+) -> None:
+    file = tmp_path / "zenoh.json5"
+    file.write_text("{ transport: { unicast: { lowlatency: true } } }")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        notify = manager.getsockname()
+        arguments = ("--port", "/dev/not-there", "--set", f"zenoh.config={file}")
+        ended = started(*arguments, NOTIFY_SOCKET=notify)
+        assert ended.end_by_itself() == os.EX_CONFIG, ended.output
+    assert f"{file} cannot be used: transport/unicast/lowlatency: " in ended.output
+
+
 @pytest.mark.nightly
 def test_wheels_that_a_crash_left_turning_are_stopped_as_soon_as_their_port_is_there(
     started: Callable[..., Process], simulated_board, tmp_path: Path

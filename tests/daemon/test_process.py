@@ -24,7 +24,7 @@ from yahboomd.core.daemon.process import (
     name_of,
     open_bus,
 )
-from yahboomd.core.errors import BusError
+from yahboomd.core.errors import BusConfigError, BusError
 from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 
 
@@ -269,6 +269,20 @@ async def test_without_a_service_manager_the_error_is_reported_at_once() -> None
     with pytest.raises(BusError):
         await opened(bus, Notifier({}))
     assert len(bus.tried_s) == 1
+
+
+@on_virtual_time
+async def test_settings_that_no_network_can_mend_are_not_tried_again(notifier: Notifier) -> None:
+    tried = 0
+
+    async def open_once() -> None:
+        nonlocal tried
+        tried += 1
+        raise BusConfigError("zenoh.json5 cannot be used.")
+
+    with pytest.raises(BusConfigError):
+        await open_bus(open_once, notifier=notifier, clock=LoopClock(), stop=asyncio.Event())
+    assert tried == 1
 
 
 @on_virtual_time

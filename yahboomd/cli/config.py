@@ -14,7 +14,7 @@ from yahboomd.tools.ros_files.node_parameters import PARAMETERS
 from yahboomd.tools.ros_files.robot_model import urdf
 from yahboomd.tools.ros_files.yaml_text import as_yaml
 
-DESCRIPTION = "Check, show and explain the configuration. Nothing is opened or moved."
+DESCRIPTION = "Check, show and explain the configuration. No port is opened, no wheel moved."
 
 EPILOG = """\
 examples:
@@ -38,7 +38,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     check = verbs.add_parser(
         "check",
         help="check whether the configuration can be used",
-        description="Check whether the configuration can be used, and name every mistake if not.",
+        description="Check whether the configuration can be used, and name every mistake if not. "
+        "The file of zenoh.config and its certificates are judged as by `yahboomd run`.",
     )
     add_config_options(check)
 
@@ -110,9 +111,13 @@ def run(args: argparse.Namespace) -> int:
 
     match args.verb:
         case "check":
+            from yahboomd.core.daemon.assembly import bus_options
+            from yahboomd.tools.robot.zenoh_file import judge
+
             loaded = read_config(args)
             for warning in loaded.warnings:
                 print(f"warning: {warning}", file=sys.stderr)
+            judge(bus_options(loaded.config))
             print(f"ok: {reference.summary(loaded)}")
         case "show":
             loaded = read_config(args)

@@ -11,7 +11,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from yahboomd.cli.shared_options import add_config_options, add_port_option, read_config
-from yahboomd.core.errors import BusError, YahboomdError
+from yahboomd.core.errors import BusConfigError, BusError, YahboomdError
 from yahboomd.tools.port import charge
 from yahboomd.tools.stop.last_stop import say
 from yahboomd.tools.stop.unresponsive import FROZEN, is_yahboomd, process_state
@@ -21,6 +21,8 @@ GUARDED_S = 2.0
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from yahboomd.core.config import Config
 
 DESCRIPTION = """\
 Own the board's serial port, drive its wheels from velocity commands on the Zenoh bus, and publish
@@ -133,7 +135,7 @@ def _serve(args: argparse.Namespace, guard: int | None) -> int:
     try:
         return asyncio.run(main())
     except BusError as error:
-        raise _explained(error) from error
+        raise _explained(error, loaded.config) from error
     finally:
         flush()
 
@@ -177,8 +179,13 @@ def _warn_of_killed() -> None:
             )
 
 
-def _explained(error: BusError) -> BusError:
-    """The same error, with the command that ends or continues the process on the listen port."""
+def _explained(error: BusError, config: Config) -> BusError:
+    """The same error, with the wrong key, or what ends the process on the listen port."""
+    if isinstance(error, BusConfigError):
+        from yahboomd.core.daemon.assembly import bus_options
+        from yahboomd.tools.robot.zenoh_file import with_key
+
+        return with_key(error, bus_options(config))
     found = re.search(
         r"the process (?P<name>.+) \((?P<pid>\d+)\) listens there already", str(error)
     )

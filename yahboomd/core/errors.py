@@ -12,6 +12,7 @@
 │   └── ``BoardStoresNothing``  it has no settings that could be stored
 ├── ``BusError``         the Zenoh session: exit 69 (EX_UNAVAILABLE)
 │   ├── ``NoDaemon``         no daemon answers there
+│   ├── ``BusConfigError``   its settings, without any network: exit 78, as a ConfigError
 │   └── ``Refused``          the daemon answered with a refusal: exit 1
 ├── ``CommandEnded``     this program stood still, and its robot stopped: exit 1
 ├── ``ListenError``      another listener of ours: exit 69 (EX_UNAVAILABLE)
@@ -93,6 +94,10 @@ class BusError(YahboomdError):
     """The Zenoh session cannot be opened or has been lost for good."""
 
     exit_code = os.EX_UNAVAILABLE
+
+
+class BusConfigError(ConfigError, BusError):
+    """The bus cannot be used with these settings, whatever the network does."""
 
 
 class NoDaemon(BusError):

@@ -91,15 +91,11 @@ def is_local(endpoint: str) -> bool:
 
     A host name that is not ``localhost`` may mean anything: it counts as reachable by others.
     """
-    if endpoint.startswith("unixsock-stream/"):
-        return True
-    found = host_and_port(endpoint)
-    if found is None:
-        return False
-    if found[0] == "localhost":
+    host, _ = host_and_port(endpoint) or ("", 0)
+    if endpoint.startswith("unixsock-stream/") or host == "localhost":
         return True
     try:
-        return ipaddress.ip_address(found[0]).is_loopback
+        return ipaddress.ip_address(host).is_loopback
     except ValueError:
         return False
 

@@ -15,7 +15,7 @@ from typing import Any, Literal, TypeAlias
 import msgspec
 import zenoh
 
-from yahboomd.core.errors import BusError
+from yahboomd.core.errors import BusConfigError
 from yahboomd.core.names import endpoint_problem, is_local, name_problem
 
 Mode: TypeAlias = Literal["router", "peer", "client"]
@@ -57,7 +57,6 @@ class BusOptions(msgspec.Struct, frozen=True, kw_only=True):
             :func:`zenoh_config` would choose.
         enforces: Whether the access control of ``config_file`` is enforced here. It is written for
             the messages to the daemon: a tool that reads the same file would refuse the daemon's.
-        unix_socket: Path of a Unix socket to listen on as well; its folder must exist.
         gossip: Whether a router introduces its peers to each other; nodes of rmw_zenoh exchange
             nothing without. The session itself connects to none of them.
         lease_s: The silence after which the others take this session for gone.
@@ -71,7 +70,6 @@ class BusOptions(msgspec.Struct, frozen=True, kw_only=True):
     namespace: str = ""
     config_file: Path | None = None
     enforces: bool = True
-    unix_socket: Path | None = None
     gossip: bool = False
     lease_s: float = 2.0
     open_timeout_s: float = 5.0
@@ -79,11 +77,7 @@ class BusOptions(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def listening(self) -> tuple[str, ...]:
-        if self.mode == "client":
-            return ()
-        if self.unix_socket is None:
-            return self.listen
-        return (*self.listen, f"unixsock-stream/{self.unix_socket}")
+        return () if self.mode == "client" else self.listen
 
     @property
     def has_uplink(self) -> bool:
@@ -125,7 +119,7 @@ def zenoh_config(options: BusOptions, *, uplink: bool = False) -> zenoh.Config:
         uplink: For the session that joins another router, instead of the one that listens.
 
     Raises:
-        BusError: The namespace or an endpoint is wrong, or the file cannot be read or used.
+        BusConfigError: The namespace or an endpoint is wrong, or the file cannot be read or used.
     """
     _check(options)
     plain = zenoh.Config()
@@ -139,6 +133,24 @@ def zenoh_config(options: BusOptions, *, uplink: bool = False) -> zenoh.Config:
         if config.get_json(key) == plain.get_json(key):
             config.insert_json5(key, json.dumps(value))
     return config
+
+
+def open_offline(options: BusOptions) -> None:
+    """Open and close a session with these options that reaches no network.
+
+    A listener for TLS listens on a free port of this machine: its certificate and key are read.
+
+    Raises:
+        BusConfigError: Zenoh refuses them, whatever the network does.
+    """
+    listen = (each for each in options.listening if each.startswith(("tls/", "quic/")))
+    own = tuple(re.sub(r"/[^?#]*", "/127.0.0.1:0", each, count=1) for each in listen)
+    config = zenoh_config(msgspec.structs.replace(options, mode="peer", listen=own, connect=()))
+    config.insert_json5("scouting/multicast/enabled", "false")
+    try:
+        zenoh.open(config).close()
+    except zenoh.ZError as error:
+        raise _unusable(options.config_file, short(error)) from error
 
 
 def _always(options: BusOptions) -> dict[str, Any]:
@@ -198,18 +210,16 @@ def _unless_set(options: BusOptions, *, uplink: bool) -> dict[str, Any]:
 
 def _check(options: BusOptions) -> None:
     if options.namespace and (problem := name_problem(options.namespace)):
-        raise BusError(
+        raise BusConfigError(
             f"The namespace {options.namespace!r} cannot be used: {problem}.",
             remedy="Set zenoh.namespace to a name such as 'bot1'.",
         )
     for setting, endpoints in (("listen", options.listening), ("connect", options.connect)):
         for endpoint in endpoints:
             if problem := endpoint_problem(endpoint):
-                raise BusError(
-                    f"The endpoint {endpoint!r} in zenoh.{setting} cannot be used: {problem}."
-                )
+                raise BusConfigError(f"An endpoint in zenoh.{setting} cannot be used: {problem}.")
     if options.mode == "client" and not options.connect:
-        raise BusError(
+        raise BusConfigError(
             "A Zenoh client needs a router to connect to, and zenoh.connect is empty.",
             remedy="Name one there, or set zenoh.mode to 'router'.",
         )
@@ -219,23 +229,17 @@ def _from_file(path: Path | None, plain: zenoh.Config) -> zenoh.Config:
     if path is None:
         return zenoh.Config()
     try:
-        text = _text(path)
+        config = zenoh.Config.from_json5(_text(path))
     except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-        raise BusError(
-            f"The Zenoh configuration {path} cannot be read: {reason}.",
-            remedy="Set zenoh.config to a JSON5 file that this user may read, or to ''.",
-        ) from error
-    if problem := _unparsable(text):
-        raise _unusable(path, problem)
-    try:
-        config = zenoh.Config.from_json5(text)
+        why = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
+        raise _unusable(path, f"it cannot be read: {why}") from error
+    except ValueError as error:
+        raise _unusable(path, str(error)) from error
     except zenoh.ZError as error:
-        # Zenoh quotes the line, which may have a key in it.
-        raise _unusable(path, " ".join(re.sub(r".*\|.*", "", str(error)).split())[:400]) from None
+        raise _unusable(path, _reason(error)) from None
     for key, name in _OWN_SETTINGS.items():
         if config.get_json(key) != plain.get_json(key):
-            raise BusError(
+            raise BusConfigError(
                 f"The Zenoh configuration {path} sets {key}, which is zenoh.{name} here.",
                 remedy=f"Take it out of that file and set zenoh.{name} in config.toml.",
             )
@@ -243,27 +247,40 @@ def _from_file(path: Path | None, plain: zenoh.Config) -> zenoh.Config:
 
 
 def _text(path: Path) -> str:
+    """The text of a file that Zenoh's parser survives; a ValueError for any other."""
     if path.exists() and not path.is_file():
         # Opening a pipe would wait until somebody writes to it.
         raise OSError(errno.EINVAL, "it is no ordinary file")
     with path.open("rb") as file:
-        return file.read(_LARGEST_BYTES + 1).decode("utf-8")
-
-
-def _unusable(path: Path, why: str) -> BusError:
-    return BusError(
-        f"The Zenoh configuration {path} cannot be used: {why}.",
-        remedy="docs/security.md has examples that work.",
-    )
-
-
-def _unparsable(text: str) -> str:
-    """The reason why Zenoh must not parse a text; empty if it may."""
-    if len(text.encode()) > _LARGEST_BYTES:
-        return f"it is larger than {_LARGEST_BYTES} bytes, so not a configuration"
+        raw = file.read(_LARGEST_BYTES + 1)
+    if len(raw) > _LARGEST_BYTES:
+        raise ValueError(f"it is larger than {_LARGEST_BYTES} bytes, so not a configuration")
+    text = raw.decode("utf-8")
     depth = 0
     for bracket in re.findall(r"[][{}]", _TEXT_OR_COMMENT.sub("", text)):
         depth += 1 if bracket in "[{" else -1
         if depth > _DEEPEST:
-            return f"its lists and objects are nested more than {_DEEPEST} deep"
-    return ""
+            raise ValueError(f"its lists and objects are nested more than {_DEEPEST} deep")
+    return text
+
+
+def _unusable(path: Path | None, why: str) -> BusConfigError:
+    name = "in [zenoh]" if path is None else str(path)
+    return BusConfigError(
+        f"The Zenoh configuration {name} cannot be used: {why}.",
+        remedy="docs/security.md has examples that work.",
+    )
+
+
+def short(error: zenoh.ZError) -> str:
+    """Zenoh's words without places in its source, and without lines of the user's file."""
+    plain = re.sub(r"(?m)^ *\d* \|.*$| at /\S+\.rs:\d+\.?", "", str(error))
+    return " ".join(plain.split()).rstrip(" .")[:400]
+
+
+def _reason(error: zenoh.ZError) -> str:
+    """Zenoh's reason without the value that it quotes, which may be a secret."""
+    text = short(error)
+    what = re.sub(r".*(?:, (?=expected )|`: )", "", text)
+    clean = what != text or re.fullmatch(r"--> .*|[A-Za-z ,]+", text)
+    return what if clean else "it has a value that Zenoh does not take"

@@ -18,7 +18,6 @@ import asyncio
 import fcntl
 import logging
 import os
-import re
 import socket
 import stat
 import struct
@@ -31,8 +30,8 @@ from pathlib import Path
 import zenoh
 
 from yahboomd.core.bus.blocking import bounded
-from yahboomd.core.bus.options import BusOptions, zenoh_config
-from yahboomd.core.errors import BusError
+from yahboomd.core.bus.options import BusOptions, open_offline, short, zenoh_config
+from yahboomd.core.errors import BusConfigError, BusError
 
 log = logging.getLogger(__name__)
 
@@ -40,7 +39,7 @@ _LISTENING = "0A"
 """The state of a listening socket in /proc/net/tcp."""
 
 
-def open_failure(error: Exception, options: BusOptions) -> BusError:
+def open_failure(error: zenoh.ZError, options: BusOptions) -> BusError:
     text = str(error)
     if "Address already in use" in text:
         return _in_use(text, options)
@@ -49,14 +48,9 @@ def open_failure(error: Exception, options: BusOptions) -> BusError:
             f"This machine has no address {_place(text, options)}, where zenoh.listen wants it.",
             remedy="Use 127.0.0.1 for this machine alone, or one that `ip address` shows.",
         )
-    if "Permission denied" in text:
-        return BusError(
-            f"This user may not listen on {_place(text, options)}.",
-            remedy="Ports below 1024 need privileges; a socket's folder must be writable.",
-        )
     if "Unable to open lock file" in text:
         return BusError(
-            f"The Unix socket {options.unix_socket} cannot be made: {_short(text)}.",
+            f"The Unix socket {_place(text, options)} cannot be made: {short(error)}.",
             remedy="Its folder must exist and be writable.",
         )
     if "Unable to connect" in text:
@@ -64,14 +58,18 @@ def open_failure(error: Exception, options: BusOptions) -> BusError:
             f"No Zenoh router answers at {', '.join(options.connect)}.",
             remedy="Start it first, or set zenoh.mode to 'router', which does not wait.",
         )
-    if "not supported for" in text:
+    try:
+        open_offline(options)
+    except BusConfigError as wrong:
+        return wrong
+    if "Permission denied" in text:
         return BusError(
-            f"An endpoint names a protocol that this Zenoh does not have: {_short(text)}.",
-            remedy="tcp, udp, tls, quic and unixsock-stream are there.",
+            f"This user may not listen on {_place(text, options)}.",
+            remedy="Ports below 1024 need privileges; a socket's folder must be writable.",
         )
     return BusError(
-        f"The Zenoh session cannot be opened: {_short(text)}.",
-        remedy="Look at [zenoh] in the configuration, and at the file that zenoh.config names.",
+        f"The Zenoh session cannot be opened: {short(error)}.",
+        remedy="Look at [zenoh] in the configuration.",
     )
 
 
@@ -126,10 +124,6 @@ def _place(text: str, options: BusOptions) -> str:
         if endpoint in text or endpoint.partition("/")[2] in text:
             return endpoint
     return ", ".join(options.listening)
-
-
-def _short(text: str) -> str:
-    return " ".join(re.sub(r" at /\S+\.rs:\d+\.?", "", text).split()).rstrip(" .")
 
 
 UPLINK_RETRY_S = 0.5

@@ -23,7 +23,7 @@ from collections.abc import Awaitable, Callable, Mapping
 
 from yahboomd.core.clock import Clock, nanoseconds
 from yahboomd.core.daemon.logs import flush
-from yahboomd.core.errors import BusError
+from yahboomd.core.errors import BusError, ConfigError
 from yahboomd.core.link import port_note
 from yahboomd.core.link.port_note import PortNote
 from yahboomd.core.model import NS_PER_S
@@ -282,7 +282,7 @@ async def open_bus(
         Whether it is open; it is not if ``stop`` was set meanwhile.
 
     Raises:
-        BusError: It cannot be opened, or could not within :data:`PATIENCE_S`.
+        BusError: It cannot be opened as configured, or could not within :data:`PATIENCE_S`.
     """
     until_ns = clock.now_ns() + nanoseconds(PATIENCE_S)
     said = ""
@@ -290,7 +290,7 @@ async def open_bus(
         try:
             await open_once()
         except BusError as error:
-            if not notifier.heard or clock.now_ns() >= until_ns:
+            if isinstance(error, ConfigError) or not notifier.heard or clock.now_ns() >= until_ns:
                 raise
             notifier.status(f"waiting for the bus: {error}")
             if error.message != said:
