@@ -19,7 +19,6 @@ from yahboomd.cli.main import main
 from yahboomd.client import Move, MoveSample
 from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.options import BusOptions
-from yahboomd.core.errors import Refused
 from yahboomd.tools.schemas.move_samples import SAMPLES
 
 
@@ -58,30 +57,12 @@ def test_what_makes_no_sense_is_refused(
     assert capsys.readouterr().err
 
 
-def test_a_file_of_points_may_have_a_heading_comments_and_headings(tmp_path: Path) -> None:
+def test_a_path_is_the_points_of_its_file(tmp_path: Path) -> None:
     file = tmp_path / "way.csv"
-    file.write_text("x,y,theta\n# a comment\n\n1, 2\n3,4,0.5\n")
+    file.write_text("x,y,theta\n1, 2\n3,4,0.5\n")
     assert asked("path", str(file), "--corner", "0.1") == Move(
         kind="follow", points=((1.0, 2.0), (3.0, 4.0, 0.5)), corner_m=0.1
     )
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("1,2\nx,y\n", "line 2: 'x,y' is no point"),
-        ("1\n", "line 1"),
-        ("1,2,3,4\n", "line 1"),
-        ("1,nan\n", "line 1"),
-        ("x,y\n", "has no points"),
-        ("", "has no points"),
-    ],
-)
-def test_a_line_that_is_no_point_is_named(tmp_path: Path, text: str, words: str) -> None:
-    file = tmp_path / "way.csv"
-    file.write_text(text)
-    with pytest.raises(Refused, match=words):
-        move.read_points(file)
 
 
 def test_the_bar_shows_what_is_left() -> None:
@@ -126,6 +107,20 @@ async def test_it_waits_for_the_goal_and_ends_with_its_words(
     assert await running == 0
     assert capfd.readouterr() == ("The goal is reached.\n", "")
     assert moves.requests[0]["by"] == "yahboomd move"
+
+
+@pytest.mark.realtime
+async def test_points_and_metres_of_a_path_are_printed_before_it_is_driven(
+    served: tuple[str, FakeMoves], tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    endpoint, moves = served
+    file = tmp_path / "way.csv"
+    file.write_text("0,0\n3,4\n")
+    running = await run(endpoint, "path", str(file))
+    await eventually(lambda: moves.beats)
+    assert capfd.readouterr().out == "2 points, 5.00 m from the first to the last.\n"
+    moves.tell(state="ended", reason="reached", message="The goal is reached.")
+    assert await running == 0
 
 
 @pytest.mark.realtime

@@ -34,3 +34,15 @@ def test_a_heading_in_degrees_is_wrapped_and_never_a_negative_zero(theta: float)
 def test_a_heading_keeps_its_sign_within_half_a_turn() -> None:
     assert words.degrees(math.pi / 2 - 4 * math.pi) == "90.0°"
     assert words.degrees(-math.pi / 2) == "-90.0°"
+
+
+@pytest.mark.parametrize(
+    ("text", "value"), [("1", 1.0), (" -.5 ", -0.5), ("+2.", 2.0), ("1e-3", 0.001)]
+)
+def test_a_decimal_number_is_read(text: str, value: float) -> None:
+    assert words.decimal(text) == value
+
+
+@pytest.mark.parametrize("text", ["", "1_0", "0,5", "inf", "nan", "1e999", "0x1", "\u0661", "1 2"])
+def test_what_else_python_reads_as_a_number_is_none(text: str) -> None:
+    assert math.isnan(words.decimal(text))

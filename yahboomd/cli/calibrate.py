@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
-import math
 import signal
 import sys
 from pathlib import Path
@@ -47,7 +46,7 @@ exit status:
   130  Ctrl-C; the robot was stopped and nothing was written
 """
 
-_positive = number("a number above 0", lambda value: math.isfinite(value) and value > 0.0)
+_positive = number("a number above 0", lambda value: value > 0.0)
 _whole = number("a whole number from 1 to 50", lambda n: n in range(1, 51))
 
 

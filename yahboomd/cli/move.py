@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import csv
 import math
 import os
 import sys
@@ -11,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from yahboomd.cli.attended import add_robot_options, attend
-from yahboomd.cli.pose import heading
+from yahboomd.cli.pose import angle, heading
 from yahboomd.cli.shared_options import number, take_negative_numbers
-from yahboomd.core.errors import Refused
+from yahboomd.tools.robot.path_file import read_points, summary
 
 if TYPE_CHECKING:
     from yahboomd.client import AsyncRobot, Move, MoveSample
@@ -38,7 +37,7 @@ examples:
   yahboomd move turn 90deg                  to the left; -90deg: to the right
   yahboomd move arc 0.5 180deg              half a circle to the left, 0.5 m in radius
   yahboomd move goto 2 1 90deg              to x 2 m, y 1 m, and face 90 degrees there
-  yahboomd move path way.csv --speed 0.2    a line for each point: x,y or x,y,theta
+  yahboomd move path way.csv --speed 0.2    a line for each point: x,y or x,y,theta, in m and rad
 
 exit status:
   0    the goal is reached
@@ -48,16 +47,6 @@ exit status:
   78   a mistake in the configuration
   130  Ctrl-C; other signals end with 128 and their number. The robot was stopped
 """
-
-
-def angle(text: str) -> float:
-    """Read an angle: radians, or degrees as in 90deg.
-
-    Raises:
-        argparse.ArgumentTypeError: It is not a number.
-    """
-    digits = text.removesuffix("deg")
-    return math.radians(_number(digits)) if digits != text else _number(text)
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -84,7 +73,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "heading", metavar="HEADING", type=heading, nargs="?", help="there; radians, or 90deg"
     )
     path = kind("path", "follow a path")
-    path.add_argument("file", metavar="FILE.csv", type=Path, help="x,y or x,y,theta in each line")
+    path.add_argument(
+        "file",
+        metavar="FILE.csv",
+        type=Path,
+        help="x,y or x,y,theta in each line; no other columns",
+    )
     path.add_argument(
         "--corner",
         metavar="METRES",
@@ -111,6 +105,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Drive it."""
     move = _move(args)
+    if move.points:
+        print(summary(move.points), flush=True)
 
     async def work(robot: AsyncRobot) -> int:
         return await _drive(robot, move)
@@ -150,37 +146,6 @@ def _move(args: argparse.Namespace) -> Move:
         corner_m=args.corner,
         **limits,
     )
-
-
-def read_points(path: Path) -> tuple[tuple[float, ...], ...]:
-    """The points of a file; a first line of words is a heading.
-
-    Raises:
-        Refused: A line is none of x,y and x,y,theta.
-    """
-    points: list[tuple[float, ...]] = []
-    try:
-        with path.open(encoding="utf-8", newline="") as file:
-            for line, cells in enumerate(csv.reader(file), 1):
-                if not any(cell.strip() for cell in cells) or cells[0].lstrip().startswith("#"):
-                    continue
-                try:
-                    point = tuple(float(cell) for cell in cells)
-                except ValueError:
-                    if not points and line == 1:
-                        continue
-                    point = ()
-                if len(point) not in {2, 3} or not all(map(math.isfinite, point)):
-                    raise Refused(
-                        f"{path}, line {line}: {','.join(cells)!r} is no point. A line is x,y or "
-                        "x,y,theta, in metres and radians."
-                    )
-                points.append(point)
-    except (OSError, UnicodeDecodeError) as error:
-        raise Refused(f"{path} cannot be read: {error}") from error
-    if not points:
-        raise Refused(f"{path} has no points.")
-    return tuple(points)
 
 
 async def _drive(robot: AsyncRobot, move: Move) -> int:

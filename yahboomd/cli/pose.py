@@ -45,6 +45,16 @@ exit status:
 """
 
 
+def angle(text: str) -> float:
+    """Read an angle: radians, or degrees as in 90deg.
+
+    Raises:
+        argparse.ArgumentTypeError: It is not a number.
+    """
+    digits = text.removesuffix("deg")
+    return math.radians(_number(digits)) if digits != text else _number(text)
+
+
 def heading(text: str) -> float:
     """Read a heading in radians, or with ``deg`` behind it in degrees.
 
@@ -52,10 +62,8 @@ def heading(text: str) -> float:
         argparse.ArgumentTypeError: It is not a number, or more radians than a turn: that is
             usually meant in degrees.
     """
-    digits = text.removesuffix("deg")
-    if digits != text:
-        return math.radians(_number(digits))
-    if abs(theta := _number(text)) > math.tau:
+    theta = angle(text)
+    if abs(theta) > math.tau and not text.endswith("deg"):
         turns = theta / math.tau
         raise argparse.ArgumentTypeError(
             f"THETA is in radians, and {text} is {turns:.3g} turns. For degrees write {text}deg."

@@ -68,7 +68,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--for",
         dest="for_s",
         metavar="SECONDS",
-        type=number("a number of seconds above 0", lambda s: math.isfinite(s) and s > 0.0),
+        type=number("a number of seconds above 0", lambda s: s > 0.0),
         default=math.inf,
         help="how long (default: until Ctrl-C)",
     )

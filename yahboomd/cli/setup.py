@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import math
 import os
 import sys
 from pathlib import Path
@@ -45,7 +44,7 @@ exit status:
   130  Ctrl-C; the wheels stand and nothing was written
 """
 
-_length = number("a length from 1 to 5000 mm", lambda mm: math.isfinite(mm) and 1 <= mm <= 5000)
+_length = number("a length from 1 to 5000 mm", lambda mm: 1 <= mm <= 5000)
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from yahboomd.core.errors import ConfigError, Refused
 from yahboomd.tools.robot.daemon_address import configured_endpoints
+from yahboomd.tools.terminal.words import decimal
 
 if TYPE_CHECKING:
     from yahboomd.core.config import Config, Loaded
@@ -29,10 +30,7 @@ def number(what: str, good: Callable[[float], bool] = math.isfinite) -> Callable
     """Make a reader of an option's number, which refuses a number that is not ``what``."""
 
     def read(text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
+        value = decimal(text)
         if not good(value):
             raise argparse.ArgumentTypeError(f"{text} is not {what}")
         return value

@@ -55,8 +55,8 @@ def with_key(error: BusConfigError, options: BusOptions) -> BusConfigError:
         if key is None:
             break
         keys, value = (*keys, key), value[key]
-    where = f"{'/'.join(keys)}: " if keys else ""
-    message = f"The Zenoh configuration {file}{_REFUSED}{where}{why}"
+    why = ": ".join(filter(None, ("/".join(keys), why)))
+    message = f"The Zenoh configuration {file}{_REFUSED}{why}"
     return BusConfigError(message, remedy=error.remedy)
 
 

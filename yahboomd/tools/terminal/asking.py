@@ -11,6 +11,7 @@ from typing import Any, Protocol
 
 from yahboomd.core.errors import Refused
 from yahboomd.tools.terminal.input_lines import InputLines
+from yahboomd.tools.terminal.words import decimal
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,8 +144,5 @@ def input_ended() -> Refused:
 
 def read_number(text: str, good: Callable[[float], bool]) -> float | None:
     """The number that a person wrote, also with a comma; None if it is not a possible one."""
-    try:
-        value = float(text.replace(",", "."))
-    except ValueError:
-        return None
-    return value if math.isfinite(value) and good(value) else None
+    value = decimal(text.replace(",", "."))
+    return value if not math.isnan(value) and good(value) else None

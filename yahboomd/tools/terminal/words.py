@@ -3,7 +3,16 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
+
+_DECIMAL = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*", re.ASCII)
+
+
+def decimal(text: str) -> float:
+    """The number that a person wrote; NaN for all else that Python reads: ``1_0``, ``1e999``."""
+    value = float(text) if _DECIMAL.fullmatch(text) else math.nan
+    return value if math.isfinite(value) else math.nan
 
 
 def duration(s: float) -> str:
