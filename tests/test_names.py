@@ -49,6 +49,7 @@ def test_zenoh_takes_every_name_that_is_accepted(name):
         "tcp/10.0.0.1:7447?rel=1#iface=eth0",
         "quic/localhost:7447",
         "unixsock-stream//run/yahboomd/zenoh.sock",
+        "tls/r:1?rel=1;prio=1-3#iface=eth0;connect_private_key_file=/etc/k.pem;enable_mtls=true",
     ],
 )
 def test_endpoints_that_zenoh_takes_are_taken(endpoint):
@@ -74,6 +75,12 @@ def test_endpoints_that_zenoh_takes_are_taken(endpoint):
         "tcp/127.0.0.1:7448\n",
         "tcp/robot\udcff:7448",
         "tls/robot:7447#connect_private_key_base64=c2VjcmV0",
+        "tls/robot:7447#connect_private_key_file=LS0tLS1CRUdJTg",
+        "tls/robot:7447?password=secret",
+        "tls/robot:7447#psw=secret",
+        "tls/robot:7447#iface=eth0;loginpas=secret",
+        "tls/me:secret@robot:7447",
+        "tls/secret@robot:7447",
     ],
 )
 def test_endpoints_that_zenoh_cannot_use_are_refused(endpoint):
@@ -89,6 +96,7 @@ def test_endpoints_that_zenoh_cannot_use_are_refused(endpoint):
         "http://127.0.0.1:1984/api/stream.mjpeg?src=design",
         "http://esp32-cam.local",
         "http://[fd00::1]:81/stream",
+        "http://robot:8080/stream?topic=/camera/image_raw&type=mjpeg&width=640&quality=50",
     ],
 )
 def test_addresses_of_cameras_are_taken(address):
@@ -125,6 +133,16 @@ def test_what_names_no_camera_is_refused(address):
         "http://robot/stream?user=me&password=hunter2",
         "http://robot/stream?access_token=hunter2",
         "http://robot/stream?API_KEY=hunter2",
+        "http://robot/stream?loginuse=me&loginpas=hunter2",
+        "http://robot/stream?psw=hunter2",
+        "http://robot/stream?u=me&p=hunter2",
+        "http://robot/stream;password=hunter2",
+        "http://robot/stream?action=stream;password=hunter2",
+        "http://robot/stream?action=stream%26psw%3Dhunter2",
+        "http://robot/user=me_password=hunter2_channel=1",
+        "http://robot/?hunter2",
+        "http://robot/?src=rtsp://me:hunter2@camera",
+        "http://robot?psw=hunter2",
     ],
 )
 def test_a_secret_in_the_address_of_a_camera_is_refused_and_not_repeated(address):

@@ -141,7 +141,7 @@ def test_wrong_endpoints_are_named_in_listen_and_in_connect(endpoint):
 
 
 def test_a_namespace_that_is_no_key_is_refused():
-    with pytest.raises(BusError, match=r"'bot/\*'"):
+    with pytest.raises(BusError, match="The namespace cannot be used: it has a character"):
         zenoh_config(BusOptions(namespace="bot/*"))
 
 

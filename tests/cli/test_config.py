@@ -38,7 +38,7 @@ def test_check_names_every_mistake_and_ends_with_78(tmp_path, capsys):
     assert [line.split(": ")[0] for line in lines] == [
         f"{path}:2",
         f"{path}:3",
-        "--set log.level=loud",
+        "--set log.level",
     ]
 
 
@@ -74,7 +74,7 @@ def test_show_prints_what_can_be_used_as_a_file(empty, tmp_path, capsys):
 def test_show_says_where_values_come_from(empty, capsys):
     main(["config", "show", "--origin", "--config", empty, "--set", "zenoh.namespace=bot1"])
     shown = capsys.readouterr().out
-    assert 'namespace = "bot1"  # --set zenoh.namespace=bot1\n' in shown
+    assert 'namespace = "bot1"  # --set zenoh.namespace\n' in shown
     assert 'mode = "router"  # default\n' in shown
 
 

@@ -207,9 +207,7 @@ def test_an_argument_that_is_not_utf8_is_a_sentence(yahboomd):
 def test_a_variable_that_is_not_utf8_is_a_sentence(yahboomd):
     done = yahboomd("config", "check", YAHBOOMD_SERIAL__PORT="/\udcff")
     assert done.returncode == os.EX_CONFIG
-    assert done.stderr.splitlines()[1:] == [
-        "YAHBOOMD_SERIAL__PORT: serial.port: it is not UTF-8, got /?"
-    ]
+    assert done.stderr.splitlines()[1:] == ["YAHBOOMD_SERIAL__PORT: serial.port: it is not UTF-8"]
 
 
 CLOSED = """\

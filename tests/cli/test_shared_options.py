@@ -56,7 +56,7 @@ def test_an_endpoint_that_cannot_work_is_refused_as_an_option(parse, capsys):
         parse("--connect", "127.0.0.1:7447")
     assert left.value.code == 2
     words = capsys.readouterr().err
-    assert "argument --connect: '127.0.0.1:7447' cannot be used" in words
+    assert "argument --connect: it is not of the form protocol/address" in words
     assert "protocol/address, such as tcp/127.0.0.1:7447" in words
 
 

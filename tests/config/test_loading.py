@@ -62,7 +62,7 @@ def test_mistakes_of_every_layer_are_named_with_their_source(complaints):
     assert [line.split(": ")[0] for line in lines] == [
         "config.toml:2",
         "YAHBOOMD_ZENOH__MODE",
-        "--set command.rate_hz=fast",
+        "--set command.rate_hz",
         "--set nonsense",
     ]
 
@@ -101,9 +101,9 @@ def test_contradictions_are_reported_beside_an_unknown_section(complaints):
 
 def test_a_table_of_an_override_replaces_what_was_written_in_it_before(complaints):
     (line,) = complaints("[limits]\nlinear = { velocity = 1 }\n", "limits.linear={velocity=0}")
-    assert line.startswith("--set limits.linear={velocity=0}: limits.linear.velocity: expected")
+    assert line.startswith("--set limits.linear: limits.linear.velocity: expected")
     (line,) = complaints("", "ros2.joint_names.left=7", "ros2.joint_names={left=8}")
-    assert line.startswith("--set ros2.joint_names={left=8}: ros2.joint_names.left: expected")
+    assert line.startswith("--set ros2.joint_names: ros2.joint_names.left: expected")
 
 
 def test_the_last_of_two_overrides_wins(given):
@@ -198,7 +198,7 @@ def test_a_key_whose_value_is_wrong_is_not_blamed_by_the_rules_as_well(complaint
 
 def test_a_contradiction_is_found_where_a_person_wrote_it(complaints):
     assert complaints("", "chassis.kinematics=mecanum")[-1].startswith(
-        "--set chassis.kinematics=mecanum: chassis.wheel_base_m: missing"
+        "--set chassis.kinematics: chassis.wheel_base_m: missing"
     )
 
 

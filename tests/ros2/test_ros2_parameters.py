@@ -74,11 +74,11 @@ def test_what_names_keys_and_passwords_is_no_parameter(oracle: Oracle, tmp_path:
     asked = Asked(
         oracle,
         f"zenoh.config={file}",
-        f'zenoh.listen=["tls/127.0.0.1:745#listen_private_key_file={SECRET}", "tcp/127.0.0.1:748"]',
-        f'zenoh.connect=["tls/127.0.0.1:7451#root_ca_certificate_base64={SECRET}"]',
+        f'zenoh.listen=["tls/127.0.0.1:745#listen_private_key_file=/{SECRET}", "tcp/[::1]:748"]',
+        f'zenoh.connect=["tls/127.0.0.1:7451#root_ca_certificate_file=/{SECRET}"]',
     )
     values = asked.values()
-    assert values["zenoh.listen"] == ["tls/127.0.0.1:745", "tcp/127.0.0.1:748"]
+    assert values["zenoh.listen"] == ["tls/127.0.0.1:745", "tcp/[::1]:748"]
     assert values["zenoh.connect"] == ["tls/127.0.0.1:7451"]
     assert "zenoh.config" not in values
     assert SECRET not in repr(values)

@@ -64,10 +64,8 @@ def heading(text: str) -> float:
     """
     theta = angle(text)
     if abs(theta) > math.tau and not text.endswith("deg"):
-        turns = theta / math.tau
-        raise argparse.ArgumentTypeError(
-            f"THETA is in radians, and {text} is {turns:.3g} turns. For degrees write {text}deg."
-        )
+        turns = f"{text} is {theta / math.tau:.3g} turns. For degrees write {text}deg."
+        raise argparse.ArgumentTypeError(f"THETA is in radians, and {turns}")
     return theta
 
 

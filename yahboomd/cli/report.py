@@ -33,7 +33,8 @@ examples:
   sudo yahboomd report                 also the service's log and black boxes
 
 It names no passwords, keys or links that let people in. It does name the robot's namespace,
-endpoints and ports, and this machine's folders: it is text, read it before you send it.
+endpoints and ports, and this machine's folders: it is text, read it before you send it. Only you
+can read the file.
 
 exit status:
   0    the file is written

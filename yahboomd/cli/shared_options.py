@@ -180,7 +180,7 @@ def _endpoint(text: str) -> str:
     from yahboomd.core.names import endpoint_problem
 
     if problem := endpoint_problem(text):
-        raise argparse.ArgumentTypeError(f"{text!r} cannot be used: {problem}.")
+        raise argparse.ArgumentTypeError(f"{problem}.")
     return text
 
 

@@ -11,12 +11,21 @@ PROTOCOLS = ("tcp", "udp", "tls", "quic", "unixsock-stream")
 PAGE_SOURCE = "cmd_vel/web"
 """The key on which the page commands."""
 
-_ENDPOINT = re.compile(r"(?P<protocol>[^/]+)/(?P<address>[^?#\s]+)(\?[^#\s]*)?(#\S*)?")
-_CAMERA = re.compile(
-    r"http://(\[[\da-fA-F:.]+\]|[\w.-]+)(:(?P<port>[0-9]{1,5}))?(/[!$-~]*)?", re.ASCII
+# The configuration is published, and stands in black boxes and logs. Nothing can tell a secret by
+# its name (psw=, u=, loginpas=): only parameters that are known to be none are taken.
+_PARAMETER = (
+    r"((rel|prio|iface|bind|dscp|so_sndbuf|so_rcvbuf|multistream|mixed_rel|enable_mtls|initial_mtu"
+    r"|verify_name_on_connect|close_link_on_expiration|exit_on_failure|retry_period_\w+)=[\w.:%-]*"
+    r"|(root_ca|listen|connect)_(certificate(_file)?|private_key_file)=/[^;?#\s]*)"
 )
-_SECRET = re.compile("(?i)//[^/]*@|[?&][^=&]*(pass|pwd|token|secret|key|auth|cred)[^=&]*=")
-_ADDRESS = re.compile(r"(?P<host>\[[0-9A-Fa-f:.%a-z]+\]|[^:\[\]/]+):(?P<port>[0-9]{1,5})")
+_ENDPOINT = re.compile(rf"(?P<protocol>[^/]+)/(?P<address>[^?#\s]+)([?#;]{_PARAMETER})*")
+_CAMERA = re.compile(
+    r"http://(\[[\da-fA-F:.]+\]|[\w.-]+)(:(?P<port>[0-9]{1,5}))?(/[\w./~+,:-]*"
+    "([?&](action|camera|channel|compression|default_transport|fps|height|invert|qos_profile"
+    r"|quality|rate|resolution|size|src|stream|topic|type|width)=[\w./:+-]*)*)?",
+    re.ASCII,
+)
+_ADDRESS = re.compile(r"(?P<host>\[[0-9A-Fa-f:.%a-z]+\]|[^:\[\]/@;=&]+):(?P<port>[0-9]{1,5})")
 
 # Zenoh's rules for a key without wildcards: chunks that are not empty, none of `*`, `$`, `?`, `#`.
 # `@` opens a chunk that wildcards do not reach; a robot must not be hidden by accident.
@@ -41,7 +50,7 @@ def name_problem(name: str) -> str | None:
         if not chunk:
             return "between two '/' there must be a name"
         if not _CHUNK.match(chunk):
-            return f"{chunk!r} has a character that keys may not have (one of * $ ? # @ or a space)"
+            return "it has a character that keys may not have (one of * $ ? # @ or a space)"
     return None
 
 
@@ -54,13 +63,11 @@ def endpoint_problem(endpoint: str) -> str | None:
         return NOT_UTF8
     parts = _ENDPOINT.fullmatch(endpoint)
     if parts is None:
-        return "it is not of the form protocol/address, such as tcp/127.0.0.1:7447"
-    # The configuration is published, and stands in black boxes and logs.
-    if re.search("password|private_key(?!_file)", endpoint.partition("#")[2]):
-        return "a secret belongs in the file that zenoh.config names: what stands here is published"
+        words = "it is not of the form protocol/address, such as tcp/127.0.0.1:7447, with known"
+        return f"{words} parameters: what stands here is published, and a secret belongs elsewhere"
     protocol, address = parts["protocol"], parts["address"]
     if protocol not in PROTOCOLS:
-        return f"{protocol!r} is none of {', '.join(PROTOCOLS)}"
+        return f"its protocol is none of {', '.join(PROTOCOLS)}"
     if protocol == "unixsock-stream":
         return None if address.startswith("/") else "the socket's path must begin with '/'"
     found = host_and_port(endpoint)
@@ -71,11 +78,10 @@ def endpoint_problem(endpoint: str) -> str | None:
 
 def camera_problem(address: str) -> str | None:
     """The reason why a camera's ``address`` cannot be used; None if it can, or is empty."""
-    if _SECRET.search(address):
-        return "a secret cannot stand in this address, which is published: serve it without one"
     found = _CAMERA.fullmatch(address)
     if address and (found is None or int(found["port"] or 80) > 65535):
-        return "it is not of the form http://host:port/path, such as http://127.0.0.1:8080/stream"
+        words = "it is not of the form http://host:port/path, such as http://127.0.0.1:8080/stream"
+        return f"{words}, with known parameters: it is published, and a secret cannot stand in it"
     return None
 
 

@@ -211,7 +211,7 @@ def _unless_set(options: BusOptions, *, uplink: bool) -> dict[str, Any]:
 def _check(options: BusOptions) -> None:
     if options.namespace and (problem := name_problem(options.namespace)):
         raise BusConfigError(
-            f"The namespace {options.namespace!r} cannot be used: {problem}.",
+            f"The namespace cannot be used: {problem}.",
             remedy="Set zenoh.namespace to a name such as 'bot1'.",
         )
     for setting, endpoints in (("listen", options.listening), ("connect", options.connect)):

@@ -67,10 +67,7 @@ def open_failure(error: zenoh.ZError, options: BusOptions) -> BusError:
             f"This user may not listen on {_place(text, options)}.",
             remedy="Ports below 1024 need privileges; a socket's folder must be writable.",
         )
-    return BusError(
-        f"The Zenoh session cannot be opened: {short(error)}.",
-        remedy="Look at [zenoh] in the configuration.",
-    )
+    return BusError(f"The Zenoh session cannot be opened: {short(error)}.")
 
 
 def port_holder(port: int) -> str | None:

@@ -42,8 +42,8 @@ _QUOTED = re.compile(
 
 _LINE = re.compile(r"\(at line (\d+), column \d+\)$")
 _BARE_TEXT = re.compile(
-    r"""\s*[\w."'-]+\s*=\s*(?!true\b|false\b|inf\b|nan\b)"""
-    r"""(?P<text>[\w./:~@+-]*[A-Za-z/][\w./:~@+ -]*)(?:#.*)?"""
+    r"""\s*(?P<key>[\w."'-]+)\s*=\s*(?!true\b|false\b|inf\b|nan\b)"""
+    r"""[\w./:~@+-]*[A-Za-z/][^"'\[{]*"""
 )
 """A line of TOML whose value is text without its quotes."""
 
@@ -166,7 +166,8 @@ class Layers:
     def read_overrides(self, overrides: Sequence[str]) -> None:
         """Take each ``section.key=value`` of ``--set``, the later over the earlier."""
         for number, override in enumerate(overrides):
-            origin = Origin(3, number, f"--set {plain(override)}")
+            # Without its value, which may be a secret.
+            origin = Origin(3, number, "--set " + re.split(r"""[^\w."'/-]""", override)[0])
             found = _OVERRIDE.fullmatch(override)
             if found is None:
                 self.mistakes.append((origin, "expected section.key=value"))
@@ -176,8 +177,7 @@ class Layers:
 
     def _set(self, place: tuple[str, ...], text: str, origin: Origin) -> None:
         if not is_utf8("".join((*place, text))):
-            words = f"{dotted(place)}: {NOT_UTF8}, got {text}"
-            self.mistakes.append((origin, plain(words)))
+            self.mistakes.append((origin, plain(f"{dotted(place)}: {NOT_UTF8}")))
             return
         self._put(place, toml_value(text), origin, text)
 
@@ -234,10 +234,10 @@ def _explained(error: str, text: str) -> tuple[str, int]:
     """A syntax error of ``tomllib`` with the line, and the quotes that are most often missing."""
     at = _LINE.search(error)
     line = int(at[1]) if at else text.rstrip().count("\n") + 1
-    written = text.split("\n")[line - 1].strip()
-    words = f"not valid TOML: {error}: {written[:60]}"
-    value = _BARE_TEXT.fullmatch(written)
-    return words + (f'; text needs quotes: "{value["text"].strip()}"' if value else ""), line
+    # The line is not repeated: it may have a secret.
+    bare = _BARE_TEXT.fullmatch(text.split("\n")[line - 1].strip())
+    hint = f'; text needs quotes: {bare["key"]} = "..."' if bare else ""
+    return f"not valid TOML: {error}{hint}", line
 
 
 def key_lines(text: str) -> dict[Place, int]:

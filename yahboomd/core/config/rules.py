@@ -308,7 +308,7 @@ def bus(config: Config) -> Iterator[Finding]:
     listen: Place = ("zenoh", "listen")
     connect: Place = ("zenoh", "connect")
     if zenoh.config and not os.path.isfile(zenoh.config):
-        yield Finding(("zenoh", "config"), f"no such file: {zenoh.config}")
+        yield Finding(("zenoh", "config"), "there is no such file")
     if zenoh.mode == "client":
         if not zenoh.connect:
             words = "expected an endpoint: a client needs a router to connect to"

@@ -55,7 +55,11 @@ def write_report(
     Raises:
         OSError: The file cannot be written.
     """
-    with zipfile.ZipFile(path, "x", zipfile.ZIP_DEFLATED) as file:
+    # It has a robot's last minute and this machine's folders: the person who asked passes it on.
+    made = os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb")
+    if os.geteuid() == 0 and (owner := os.environ.get("SUDO_UID", "")).isdecimal():
+        os.fchown(made.fileno(), int(owner), -1)
+    with made, zipfile.ZipFile(made, "w", zipfile.ZIP_DEFLATED) as file:
         file.writestr("machine.txt", "\n".join(_machine()) + "\n")
         for part, words in QUESTIONS.items():
             said(f"yahboomd {' '.join(words)}")

@@ -6,7 +6,6 @@ import csv
 import itertools
 import math
 import re
-from collections.abc import Sequence
 from pathlib import Path
 
 from yahboomd.core.config.reading import PIPE_S, read_named
@@ -41,7 +40,7 @@ def read_points(path: Path, *, wait_s: float = PIPE_S) -> Points:
         raise Refused(f"{path} cannot be read: {why}.") from error
     if len(raw) > MOST_BYTES:
         raise Refused(f"{path} has more than {MOST_BYTES} bytes: that is no path.")
-    names: Sequence[str] = ()
+    names: list[str] = []
     points: list[tuple[float, ...]] = []
     for line, row in enumerate(text.splitlines(), 1):
         cells = next(csv.reader([row.replace("\0", "?")]), [])
@@ -61,11 +60,7 @@ def read_points(path: Path, *, wait_s: float = PIPE_S) -> Points:
             points.append(tuple(given[name] for name in COLUMNS if name in given))
             known = {"x", "y"} <= given.keys() and len(cells) <= len(columns)
             # More radians than a turn are usually degrees.
-            good = (
-                known
-                and abs(given.get("theta", 0.0)) <= math.tau
-                and not math.isnan(sum(points[-1]))
-            )
+            good = known and abs(sum(points[-1][2:])) <= math.tau and sum(points[-1]) < math.inf
         if not good:
             raise Refused(
                 f"{path}, line {line}: {row.strip()[:60]!r} is no point. A line is x,y or "

@@ -23,18 +23,15 @@ def judge(options: BusOptions) -> None:
     Raises:
         BusConfigError: With the file and its key.
     """
-    opening = bounded(
-        lambda: open_offline(options), timeout_s=options.open_timeout_s, name="bus-judge"
-    )
+    limit_s = options.open_timeout_s
+    opening = bounded(lambda: open_offline(options), timeout_s=limit_s, name="bus-judge")
     try:
         asyncio.run(opening)
     except BusConfigError as error:
         raise with_key(error, options) from None
     except TimeoutError as error:
-        raise BusConfigError(
-            f"The Zenoh session does not open within {options.open_timeout_s:g} s.",
-            remedy="Is a certificate or key of zenoh.config or zenoh.listen a pipe?",
-        ) from error
+        words = f"The Zenoh session does not open within {limit_s:g} s: is a certificate a pipe?"
+        raise BusConfigError(words) from error
 
 
 def with_key(error: BusConfigError, options: BusOptions) -> BusConfigError:
@@ -56,8 +53,7 @@ def with_key(error: BusConfigError, options: BusOptions) -> BusConfigError:
             break
         keys, value = (*keys, key), value[key]
     why = ": ".join(filter(None, ("/".join(keys), why)))
-    message = f"The Zenoh configuration {file}{_REFUSED}{why}"
-    return BusConfigError(message, remedy=error.remedy)
+    return BusConfigError(f"The Zenoh configuration {file}{_REFUSED}{why}", remedy=error.remedy)
 
 
 def _refusal(value: object, keys: tuple[str, ...], options: BusOptions) -> str:
