@@ -14,7 +14,7 @@ from yahboomd.core.bus import keys
 from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.options import BusOptions
 from yahboomd.core.clock import SystemClock
-from yahboomd.core.errors import BusError, NoDaemon
+from yahboomd.core.errors import BusConfigError, BusError, NoDaemon
 from yahboomd.core.messages.codecs import encode
 
 pytestmark = pytest.mark.usefixtures("fake_zenoh")
@@ -111,3 +111,15 @@ async def test_a_daemon_that_comes_later_is_reached(fake_daemon: Any) -> None:
 async def test_an_endpoint_that_can_never_work_is_not_waited_for() -> None:
     with pytest.raises(BusError, match="cannot be used"):
         await connection("nonsense").open(math.inf)
+
+
+async def test_a_file_that_no_network_can_mend_is_not_waited_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async def refuse(_: Bus) -> None:
+        raise BusConfigError("zenoh.json5 cannot be used.")
+
+    monkeypatch.setattr(Bus, "open", refuse)
+    with pytest.raises(BusError, match=r"zenoh\.json5") as caught:
+        await asyncio.wait_for(connection(free_endpoint()).open(math.inf), PATIENCE_S)
+    assert caught.value.exit_code == 78

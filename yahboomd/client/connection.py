@@ -20,7 +20,7 @@ from yahboomd.core.bus.options import BusOptions, zenoh_config
 from yahboomd.core.bus.presence import NeighbourChange, TokenChange
 from yahboomd.core.bus.subscriptions import Arrival
 from yahboomd.core.clock import Clock, nanoseconds, timeout
-from yahboomd.core.errors import BusError, NoDaemon
+from yahboomd.core.errors import BusConfigError, BusError, NoDaemon
 from yahboomd.core.messages.native import StatusSample
 from yahboomd.core.names import is_local
 
@@ -103,6 +103,8 @@ class Connection:
             try:
                 await bus.open()
                 break
+            except BusConfigError:
+                raise
             except BusError as error:
                 self._failure = error
                 if self._clock.now_ns() / 1e9 >= deadline_s:

@@ -20,10 +20,8 @@ COLUMNS = ("x", "y", "theta")
 _UNIT = re.compile(r"[ _]?[\[(]?(?<=[ _\[(])(m|rad)[\])]?$")
 _BEGINS_LIKE_A_NUMBER = re.compile(r"\s*[-+]?\.?\d")
 
-Points = tuple[tuple[float, ...], ...]
 
-
-def read_points(path: Path, *, wait_s: float = PIPE_S) -> Points:
+def read_points(path: Path, *, wait_s: float = PIPE_S) -> tuple[tuple[float, ...], ...]:
     """The points of a file. A first row without numbers names the columns, in any order.
 
     Args:
@@ -72,7 +70,7 @@ def read_points(path: Path, *, wait_s: float = PIPE_S) -> Points:
     return tuple(points)
 
 
-def summary(points: Points) -> str:
+def summary(points: tuple[tuple[float, ...], ...]) -> str:
     """What will be driven, for a person who knows what was meant."""
     metres = sum(math.dist(a[:2], b[:2]) for a, b in itertools.pairwise(points))
     headings = sum(len(point) == 3 for point in points)

@@ -23,15 +23,13 @@ def judge(options: BusOptions) -> None:
     Raises:
         BusConfigError: With the file and its key.
     """
-    limit_s = options.open_timeout_s
-    opening = bounded(lambda: open_offline(options), timeout_s=limit_s, name="bus-judge")
+    opening = bounded(lambda: open_offline(options), timeout_s=options.open_timeout_s, name="judge")
     try:
         asyncio.run(opening)
     except BusConfigError as error:
         raise with_key(error, options) from None
     except TimeoutError as error:
-        words = f"The Zenoh session does not open within {limit_s:g} s: is a certificate a pipe?"
-        raise BusConfigError(words) from error
+        raise BusConfigError("The Zenoh session does not open: is a key a pipe?") from error
 
 
 def with_key(error: BusConfigError, options: BusOptions) -> BusConfigError:
