@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -48,3 +49,10 @@ def test_a_file_without_a_usable_name_has_none(tmp_path: Path, text: str) -> Non
     path = tmp_path / "zenoh.json5"
     path.write_text(text)
     assert person_in(path) == ""
+
+
+def test_a_file_that_would_hang_or_end_the_program_proves_no_name(tmp_path: Path) -> None:
+    pipe, deep = tmp_path / "pipe.json5", tmp_path / "deep.json5"
+    os.mkfifo(pipe)
+    deep.write_text("{metadata: " + "[" * 100_000 + "]" * 100_000 + "}")
+    assert person_in(pipe) == person_in(deep) == ""

@@ -8,6 +8,7 @@ from pathlib import Path
 import zenoh
 
 from yahboomd.core.bus import keys
+from yahboomd.core.bus.options import file_text
 from yahboomd.core.names import name_problem
 
 FLEET = "yahboomd_fleet"
@@ -28,7 +29,9 @@ def person_in(zenoh_file: str | Path | None) -> str:
     if not zenoh_file:
         return ""
     try:
-        listed = json.loads(zenoh.Config.from_file(zenoh_file).get_json("metadata"))
+        listed = json.loads(
+            zenoh.Config.from_json5(file_text(Path(zenoh_file))).get_json("metadata")
+        )
         person = listed[FLEET]["person"]
     except (zenoh.ZError, OSError, ValueError, LookupError, TypeError):
         return ""

@@ -229,7 +229,7 @@ def _from_file(path: Path | None, plain: zenoh.Config) -> zenoh.Config:
     if path is None:
         return zenoh.Config()
     try:
-        config = zenoh.Config.from_json5(_text(path))
+        config = zenoh.Config.from_json5(file_text(path))
     except (OSError, UnicodeDecodeError) as error:
         why = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         raise _unusable(path, f"it cannot be read: {why}") from error
@@ -246,7 +246,7 @@ def _from_file(path: Path | None, plain: zenoh.Config) -> zenoh.Config:
     return config
 
 
-def _text(path: Path) -> str:
+def file_text(path: Path) -> str:
     """The text of a file that Zenoh's parser survives; a ValueError for any other."""
     if path.exists() and not path.is_file():
         # Opening a pipe would wait until somebody writes to it.

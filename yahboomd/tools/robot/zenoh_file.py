@@ -11,7 +11,7 @@ import msgspec
 import zenoh
 
 from yahboomd.core.bus.blocking import bounded
-from yahboomd.core.bus.options import BusOptions, open_offline
+from yahboomd.core.bus.options import BusOptions, file_text, open_offline
 from yahboomd.core.errors import BusConfigError
 
 _REFUSED = " cannot be used: "
@@ -39,7 +39,7 @@ def with_key(error: BusConfigError, options: BusOptions) -> BusConfigError:
         return error
     try:
         # In `metadata` Zenoh takes any value: its parser reads JSON5, which Python's does not.
-        read = zenoh.Config.from_json5(f"{{metadata: {file.read_text(encoding='utf-8')}\n}}")
+        read = zenoh.Config.from_json5(f"{{metadata: {file_text(file)}\n}}")
         value = json.loads(read.get_json("metadata"))
     except (zenoh.ZError, OSError, ValueError):
         return error
