@@ -4,6 +4,7 @@
     make alarms SEED=1 ARGS='--first 37 --pieces 1 --words'
     make alarms SEED=1 ARGS='--piece 0 --pieces 500'
     make alarms MINUTES=60 SEED=1 STICKS=1.3 FRICTION_SCALES=0.95,1.05
+    make alarms MINUTES=60 SEED=1 ARGS='--dialects rosmaster --volts 9.7 12.6'
 
 Drives a simulated robot at random, in pieces of a minute. Each piece has its own dialect, share of
 lost bytes, supply voltage, motor lag and speed loop of the firmware, and ends with one wheel that
@@ -28,6 +29,7 @@ import math
 import random
 import tempfile
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -61,17 +63,22 @@ STOPS = (CUT, b"$spd:0,0,0,0#", b"$speed:0,0,0,0#")
 LATELY_NS = 300 * MS
 
 
-class Floor(NamedTuple):
-    """The most static friction, and the bounds of each wheel's friction, as multiples."""
+class Bounds(NamedTuple):
+    """What robots are drawn from.
 
+    Attributes:
+        lags: Of the motors, s.
+        volts: Of the supply.
+        dialects: One for each part of the robots.
+        stick: The most static friction, as a multiple of the moving one.
+        scales: Of each wheel's friction, as multiples.
+    """
+
+    lags: tuple[float, float]
+    volts: tuple[float, float]
+    dialects: Sequence[str]
     stick: float
     scales: tuple[float, float]
-
-    @staticmethod
-    def of(options: SimulationOptions) -> Floor:
-        return Floor(
-            max(options.sticks), (min(options.friction_scales), max(options.friction_scales))
-        )
 
 
 class Piece(msgspec.Struct, frozen=True, kw_only=True):
@@ -100,26 +107,19 @@ class Piece(msgspec.Struct, frozen=True, kw_only=True):
     friction_scales: tuple[float, float]
 
     @staticmethod
-    def draw(
-        chance: random.Random, lags: tuple[float, float], floor: random.Random, most: Floor
-    ) -> Piece:
-        """Choose the properties of one robot with healthy wheels.
-
-        Args:
-            floor: Chooses the friction.
-            most: The bounds of what it chooses.
-        """
+    def draw(chance: random.Random, floor: random.Random, bounds: Bounds) -> Piece:
+        """Choose the properties of one robot with healthy wheels; ``floor`` its friction."""
         gain = chance.choice((PLAIN_GAIN, QUICK_GAIN))
         return Piece(
-            dialect=chance.choice(("streamed", "streamed", "polled")),
+            dialect=chance.choice(bounds.dialects),
             loss=chance.choice(LOSSES),
-            volts=chance.uniform(8.0, 12.0),
-            lag_s=chance.uniform(*lags),
+            volts=chance.uniform(*bounds.volts),
+            lag_s=chance.uniform(*bounds.lags),
             gain=gain,
             missing=chance.randrange(20, 120 if gain == PLAIN_GAIN else 400),
             unlimited=chance.random() < 0.3,
-            stick=floor.uniform(1.0, most.stick),
-            friction_scales=(floor.uniform(*most.scales), floor.uniform(*most.scales)),
+            stick=floor.uniform(1.0, bounds.stick),
+            friction_scales=(floor.uniform(*bounds.scales), floor.uniform(*bounds.scales)),
         )
 
 
@@ -279,14 +279,12 @@ async def _broken(bench: AlarmBench, chance: random.Random, what: Piece, tally: 
     tally.stood_ms.append((bench.clock.now_ns() - at_ns) / MS - driven_ms)
 
 
-def run(
-    *, numbers: range, seed: int, lags: tuple[float, float], piece_s: float, floor: Floor
-) -> Tally:
+def run(*, numbers: range, seed: int, piece_s: float, bounds: Bounds) -> Tally:
     """Run all pieces, one after the other."""
     tally = Tally()
     for number in numbers:
         chance = random.Random(f"{seed} {number}")
-        what = Piece.draw(chance, lags, random.Random(f"{seed} {number} floor"), floor)
+        what = Piece.draw(chance, random.Random(f"{seed} {number} floor"), bounds)
         virtual_time.run(piece(what, tally, number=number, seconds=piece_s, chance=chance))
     return tally
 
@@ -330,6 +328,10 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=2.0)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--lags", type=float, nargs=2, default=(0.05, 0.3), metavar="S")
+    parser.add_argument("--volts", type=float, nargs=2, default=(8.0, 12.0), metavar="V")
+    parser.add_argument(
+        "--dialects", nargs="+", default=("streamed", "streamed", "polled"), metavar="DIALECT"
+    )
     parser.add_argument("--piece", type=float, default=60.0, metavar="S")
     parser.add_argument("--first", type=int, default=0, help="the number of the first piece")
     parser.add_argument("--pieces", type=int, help="the number of pieces, instead of --minutes")
@@ -338,13 +340,15 @@ def main() -> None:
     logging.disable()
     pieces = args.pieces or math.ceil(args.minutes * 60 / args.piece)
     numbers = range(args.first, args.first + pieces)
-    tally = run(
-        numbers=numbers,
-        seed=args.seed,
+    floor = SimulationOptions(**floor_options())
+    bounds = Bounds(
         lags=tuple(args.lags),
-        piece_s=args.piece,
-        floor=Floor.of(SimulationOptions(**floor_options())),
+        volts=tuple(args.volts),
+        dialects=args.dialects,
+        stick=max(floor.sticks),
+        scales=(min(floor.friction_scales), max(floor.friction_scales)),
     )
+    tally = run(numbers=numbers, seed=args.seed, piece_s=args.piece, bounds=bounds)
     print(table(tally))
     if args.words:
         print("\n".join(tally.words))
