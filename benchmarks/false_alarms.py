@@ -204,7 +204,7 @@ async def piece(
                 await _cleared(bench)
                 bench.truth.clear()
             tally.minutes += (bench.clock.now_ns() - began_ns) / 60e9
-            await _broken(bench, chance, what, tally)
+            await _broken(bench, chance, what, tally, number)
             counters = bench.controller.counters
             tally.counters.update({name: counters[name] for name in (*QUIET, "cuts")})
 
@@ -249,7 +249,9 @@ async def _cleared(bench: AlarmBench) -> None:
         bench.operator.release_estop()
 
 
-async def _broken(bench: AlarmBench, chance: random.Random, what: Piece, tally: Tally) -> None:
+async def _broken(
+    bench: AlarmBench, chance: random.Random, what: Piece, tally: Tally, number: int
+) -> None:
     fault = chance.choice(BROKEN)
     await bench.drive(1.5, 0.3)
     cuts = bench.controller.counters["cuts"]
@@ -273,6 +275,7 @@ async def _broken(bench: AlarmBench, chance: random.Random, what: Piece, tally: 
         await asyncio.sleep(0.001)
     else:
         tally.missed[fault] += 1
+        tally.words.append(f"{fault}: never cut in piece {number}, {what}")
         return
     tally.cuts_ms[fault].append(driven_ms)
     tally.cuts_by_loss_ms[what.loss].append(driven_ms)
@@ -335,7 +338,7 @@ def main() -> None:
     parser.add_argument("--piece", type=float, default=60.0, metavar="S")
     parser.add_argument("--first", type=int, default=0, help="the number of the first piece")
     parser.add_argument("--pieces", type=int, help="the number of pieces, instead of --minutes")
-    parser.add_argument("--words", action="store_true", help="each alarm")
+    parser.add_argument("--words", action="store_true", help="each alarm and miss")
     args = parser.parse_args()
     logging.disable()
     pieces = args.pieces or math.ceil(args.minutes * 60 / args.piece)
