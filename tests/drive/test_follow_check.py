@@ -288,6 +288,7 @@ def test_a_dead_encoder_from_a_standstill_turns_a_wheel_072_m_in_its_three_tries
 
 def test_encoders_that_are_all_dead_are_a_fault_of_all_the_third_time() -> None:
     base = StickingBase([0.44] * 2, stick=1.0, supply=1.0)
+    base.check.volts = 8.2
     for index in range(2):
         base.break_wheel(index, encoder_dead=True)
     found = [fault for _ in range(3) for fault in base.drive(0.1, 30.0)]
@@ -296,7 +297,8 @@ def test_encoders_that_are_all_dead_are_a_fault_of_all_the_third_time() -> None:
         ("not_started", None),
         ("no_counts", None),
     ]
-    assert "supply" in found[-1].message
+    assert "check the motor supply" in found[-1].message
+    assert "a low battery (8.2 V) looks the same" in found[-1].message
     assert max(base.travels_m) < 1.1
 
 

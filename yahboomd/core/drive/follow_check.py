@@ -31,9 +31,7 @@ OWED_M = 0.005
 PROVEN_NS = 40_000_000
 """The least span of a proven speed, which makes the duration of an answer matter little."""
 
-AGAIN = 5
-NO_COUNTS_AGAIN = 8
-ALL_SILENT_AGAIN = 16
+AGAIN, NO_COUNTS_AGAIN, ALL_SILENT_AGAIN = 5, 8, 16
 """The repetitions in a row that a bad line cannot have caused. Losing one speed in two or three
 silences a start, and silences all wheels at once."""
 
@@ -178,8 +176,10 @@ class FollowCheck:
 
     def _advised(self, fault: Fault) -> Fault:
         words = fault.message
-        if fault.kind == "not_started":
-            shown = "" if self.volts is None else f" ({self.volts:.1f} V)"
+        shown = "" if self.volts is None else f" ({self.volts:.1f} V)"
+        if fault.kind == "no_counts" and fault.certain:
+            words += f" On a floor that holds wheels, a low battery{shown} looks the same."
+        elif fault.kind == "not_started":
             tune = ", or store its dead zone with `yahboomd tune`" if self.law.dead_zone else ""
             words += f", or charge the battery{shown}{tune}. The next command drives again."
         elif fault.kind == "runaway_against":

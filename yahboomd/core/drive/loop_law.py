@@ -41,7 +41,7 @@ class LoopLaw(msgspec.Struct, frozen=True, kw_only=True):
 
     per_m_s: float
     per_m: float
-    dead_zone: bool = False
+    dead_zone: bool
 
     def output(self, way_m: float, speed_m_s: float) -> float:
         """The share of its range, not limited to 1, after this commanded way at this setpoint."""
