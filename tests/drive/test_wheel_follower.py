@@ -557,6 +557,15 @@ def test_a_wheel_far_slower_than_commanded_is_reported_and_driven_on() -> None:
     assert found[0][0] / S == pytest.approx(1.0 + 0.4 * math.log(5.0), abs=0.1)
 
 
+def test_the_time_for_which_a_wheel_stuck_does_not_count_as_too_slow() -> None:
+    watch, found = follower(), []
+    watch.command(0, 0.1)
+    for n in range(1, 125):
+        speed, ticks = (0.0, 0) if n < 75 else (0.03, 4)
+        found += read(watch, (n - 1) * 20 * MS, n * 20 * MS, speed, ticks)
+    assert found == []
+
+
 @pytest.mark.parametrize("readings", [1, 2])
 def test_a_single_garbled_reading_cuts_nothing(readings: int) -> None:
     check = believing(["left"])

@@ -359,9 +359,9 @@ class WheelFollower:
     def _off_speed(self, now_ns: int, speed: float) -> Fault | None:
         least = abs(slowest(self._low, self._high))
         slow = least >= self._min_speed_m_s and abs(speed) < OFF_SPEED_RATIO * least
-        slow_ns = self._lasts("off_speed", now_ns, now=slow)
         # A wheel that stands is judged by its silence.
-        if slow_ns is None or slow_ns < OFF_SPEED_NS or not speed or self.silent:
+        slow_ns = self._lasts("off_speed", now_ns, now=slow and not self.silent)
+        if slow_ns is None or slow_ns < OFF_SPEED_NS or not speed:
             return None
         return self._new("off_speed", speed, "report")
 
