@@ -41,14 +41,12 @@ SLOWS_FOR_NS = 500_000_000
 # A wheel that rolls and is held again gains speed until the board's loop outweighs the slope.
 PULLED_M_S = 0.5
 CREEPING_NS = 600_000_000
-OFF_SPEED_NS = 1_000_000_000
-OFF_SPEED_RATIO = 0.5
+OFF_SPEED_NS, OFF_SPEED_RATIO = 1_000_000_000, 0.5
 GAP_NS = 500_000_000
 MOST_SETPOINTS = 500
 """Kept between two readings."""
 
-NO_COUNTS_NS = 150_000_000
-NO_COUNTS_M = 0.03
+NO_COUNTS_NS, NO_COUNTS_M = 150_000_000, 0.03
 ROLLED = 0.5
 """A wheel at this share of its setpoint, or more, did not stop by itself."""
 COUNTED_NS = 20_000_000

@@ -276,8 +276,10 @@ class LocalStop:
             self._end(sock)
         else:
             peer = connection.peer
+            program = "`yahboomd stop`" if asked.endswith(BY_COMMAND) else "the local socket"
+            user = "root" if peer.uid == 0 else f"user {peer.uid}"
             # Before everything else.
-            words = self._engage(f"{_program(asked)} ({_user(peer)}, pid {peer.pid})")
+            words = self._engage(f"{program} ({user}, pid {peer.pid})")
             self._counters["stops"] += 1
             if len(self._tasks) >= MAX_WATCHING:
                 words = f"{words} Too many wait to learn whether it was sent: see the status."
@@ -312,14 +314,6 @@ class LocalStop:
         if connection.timer is not None:
             connection.timer.cancel()
         return connection.sock
-
-
-def _program(asked: bytes) -> str:
-    return "`yahboomd stop`" if asked.endswith(BY_COMMAND) else "the local socket"
-
-
-def _user(peer: Peer) -> str:
-    return "root" if peer.uid == 0 else f"user {peer.uid}"
 
 
 def _send(sock: socket.socket, **facts: object) -> None:
