@@ -42,6 +42,7 @@ def test_a_single_command_is_in_effect_at_once(arbiter: Arbiter) -> None:
     assert arbiter.offer("cmd_vel", FORWARD, 7 * S) == Accepted(source="cmd_vel", took_over=True)
     decision = arbiter.current(7 * S)
     assert (decision.twist, decision.driver, decision.since_ns) == (FORWARD, "cmd_vel", 7 * S)
+    assert arbiter.counters["accepted"] == 1
 
 
 def test_a_command_runs_out_after_its_sources_timeout(arbiter: Arbiter) -> None:

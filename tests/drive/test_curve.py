@@ -44,6 +44,7 @@ def test_a_turn_on_the_spot_is_standstill_and_too_tight() -> None:
 def test_the_tightest_curve_itself_is_not_too_tight() -> None:
     for vx in (0.1, 0.3, 0.7):
         assert not curve().steer(Twist2d(vx=vx, wz=vx / RADIUS_M))[1]
+        assert curve().steer(Twist2d(vx=vx, wz=1.001 * vx / RADIUS_M))[1]
 
 
 @given(speeds, speeds)
