@@ -302,6 +302,17 @@ def test_encoders_that_are_all_dead_are_a_fault_of_all_the_third_time() -> None:
     assert max(base.travels_m) < 1.1
 
 
+def test_what_a_wheel_needs_to_start_is_learned_from_rest_alone() -> None:
+    base = StickingBase([0.42, 0.43], stick=1.3)
+    assert base.drive(0.3, 3.0) == []
+    needs = [wheel.starts_at for wheel in base.check._wheels]
+    # (0.42 * 1.3 / 0.875 * 3600 - 1600) / 2000, and a little for what it takes to count.
+    assert needs == [pytest.approx(0.35, abs=0.08)] * 2
+    assert base.drive(-0.3, 3.0) == []
+    assert base.travels_m[0] < 0.9
+    assert [wheel.starts_at for wheel in base.check._wheels] == needs
+
+
 def test_a_wheel_that_counts_once_has_three_tries_again() -> None:
     base = StickingBase([0.40, 0.70])
     tries = [fault.kind for _ in range(2) for fault in base.drive(0.05, 8.0)]

@@ -297,8 +297,8 @@ class WheelFollower:
             before, self._rolled = self._rolled, self._owed_ticks
             if not self.started and self._rolled * steady > 0.0:
                 self.started = True
-                # Onward it starts at once, however stiff: the loop's output is still there.
-                if before * steady <= 0.0:
+                # Of a wheel that rolls the other way the output is a guess; onward it is there.
+                if not before or (self.starts_at is None and before * steady < 0.0):
                     output = step.law.output(self._owed_signed_m, steady)
                     self.starts_at = output / (TURNING_ROUND if before else 1)
             stood = abs(self._owed_ticks * self._metre) < ROLLED * self.owed_m
