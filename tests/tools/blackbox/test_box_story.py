@@ -260,7 +260,7 @@ CAUSES: dict[str, tuple[Happens, dict[str, object], tuple[str, ...], str]] = {
         _faulty(stalled=True), {}, (), "is commanded 0.30 m/s, and its encoder shows no motion"
     ),
     "a motor that is unplugged": (
-        _faulty(unplugged=True), {}, (), "left is commanded 0.30 m/s and its encoder shows no"
+        _faulty(unplugged=True), {}, (), "left turned, is commanded 0.30 m/s, and its encoder"
     ),
     "a wheel that runs away": (_faulty(turning_m_s=1.2), {}, (), "left"),
     "a reset in motion": (_reset, {}, (), "The board reset itself in motion"),
