@@ -50,7 +50,12 @@ def guards(daemon: int) -> list[int]:
 
 @pytest.fixture
 def guarded(real_robot: Callable[..., RealRobot], tmp_path: Path) -> RealRobot:
-    robot = real_robot(guarded=True, environ={"RUNTIME_DIRECTORY": str(tmp_path / "run")})
+    robot = real_robot(
+        guarded=True,
+        environ={"RUNTIME_DIRECTORY": str(tmp_path / "run")},
+        # A busy machine makes the driving program pause, which must not stop the wheels.
+        run=["--set", "command.timeout_s=60"],
+    )
     robot.daemon.says("Connected")
     return robot
 
