@@ -16,6 +16,7 @@ from real_robot import DRIVER, RealRobot, wait_for
 
 from yahboomd.cli.run import GUARDED_S
 from yahboomd.core.link import port_note
+from yahboomd.core.link.port_errors import holders
 from yahboomd.core.link.port_note import PortNote
 from yahboomd.tools.port.charge import Charge
 from yahboomd.tools.port.guard import FAR_MS, Guard
@@ -130,11 +131,14 @@ def test_a_board_that_hears_nothing_for_a_while_is_stopped_when_it_hears_again(
     guarded: RealRobot,
 ) -> None:
     daemon = guarded.daemon
+    (guard,) = guards(daemon.pid)
     with driven(guarded):
         assert guarded.do("loss 1") == "ok"
         daemon.process.kill()
         daemon.process.wait()
     wait_for(lambda: "no board answers" in daemon.output, "the guard says what it sees")
+    (holder,) = holders(str(guarded.port))
+    assert holder == f"yahboomd-guard (pid {guard})"
     assert not guarded.stands()
     assert guarded.do("clear") == "ok"
     wait_for(lambda: "the wheels stand, " in daemon.output, "the guard reports them")

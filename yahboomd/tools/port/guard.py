@@ -258,5 +258,8 @@ def _now_ms() -> int:
 
 
 if __name__ == "__main__":
+    # The name by which others are told who holds the port.
+    with contextlib.suppress(OSError), open("/proc/self/comm", "w", encoding="ascii") as name:
+        name.write("yahboomd-guard")
     last_stop.ignore_signals()
     Guard(Charge.of(sys.argv[1])).serve()
