@@ -298,7 +298,7 @@ def test_encoders_that_are_all_dead_are_a_fault_of_all_the_third_time() -> None:
         ("no_counts", None),
     ]
     assert "check the motor supply" in found[-1].message
-    assert "a low battery (8.2 V) looks the same" in found[-1].message
+    assert "A low battery (8.2 V) on a floor with" in found[-1].message
     assert max(base.travels_m) < 1.1
 
 

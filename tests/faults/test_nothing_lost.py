@@ -102,7 +102,7 @@ async def test_a_replug_keeps_the_pose_near_zero_too_where_the_stream_ran_on(
             await asyncio.sleep(1.0)
         assert bench.heard.kinds.count("odometry_bridged") == 2
         assert unknown_m(bench) == 0.0
-        # Its wheels are unequal, and the way that nobody saw was no arc: 1 mm in a metre.
+        # The wheels are unequal, and travel in a gap is taken for an arc: 1 mm in a metre.
         assert error_m(bench, bench.heard.estimates[-1]) < max(0.006, 1e-3 * 2 * 0.3 * away_s)
         assert_no_jump(bench.heard.estimates)
         assert_covariance_grows(bench.heard.estimates)

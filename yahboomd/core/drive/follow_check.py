@@ -178,7 +178,7 @@ class FollowCheck:
         words = fault.message
         shown = "" if self.volts is None else f" ({self.volts:.1f} V)"
         if fault.kind == "no_counts" and fault.certain:
-            words += f" On a floor that holds wheels, a low battery{shown} looks the same."
+            words += f" A low battery{shown} on a floor with much static friction looks the same."
         elif fault.kind == "not_started":
             tune = ", or store its dead zone with `yahboomd tune`" if self.law.dead_zone else ""
             words += f", or charge the battery{shown}{tune}. The next command drives again."

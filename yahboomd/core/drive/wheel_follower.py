@@ -297,7 +297,7 @@ class WheelFollower:
             before, self._rolled = self._rolled, self._owed_ticks
             if not self.started and self._rolled * steady > 0.0:
                 self.started = True
-                # Of a wheel that rolls the other way the output is a guess; onward it is there.
+                # After a reversal the output is a guess; a wheel that rolls on needs no start.
                 if not before or (self.starts_at is None and before * steady < 0.0):
                     output = step.law.output(self._owed_signed_m, steady)
                     self.starts_at = output / (TURNING_ROUND if before else 1)

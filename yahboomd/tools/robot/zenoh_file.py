@@ -29,7 +29,9 @@ def judge(options: BusOptions) -> None:
     except BusConfigError as error:
         raise with_key(error, options) from None
     except TimeoutError as error:
-        raise BusConfigError("The Zenoh session does not open: is a key a pipe?") from error
+        raise BusConfigError(
+            "The Zenoh session does not open: is a file of a certificate or private key a pipe?"
+        ) from error
 
 
 def with_key(error: BusConfigError, options: BusOptions) -> BusConfigError:
