@@ -53,6 +53,16 @@ BUILDING = {"browser", "clients", "firmware", "generators", "interop", "system"}
 _CLONE_NEWNS, _MS_REC, _MS_PRIVATE = 0x20000, 0x4000, 0x40000
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Give each worker a session of its own: the kernel shares a busy machine out by sessions.
+
+    Without it, every process of a test gets as little as each process that the machine is busy
+    with, and a daemon does not run for seconds at a time.
+    """
+    if hasattr(config, "workerinput"):
+        os.setsid()
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Iterator[None]:
     """Thousands of tests are made, and none of them is garbage."""
