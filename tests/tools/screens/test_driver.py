@@ -94,7 +94,8 @@ async def test_on_every_way_out_the_robot_stops_and_the_terminal_is_put_back(
         process.process.send_signal(way)
     assert await process.ended() == 0
     assert process.restored
-    await eventually(lambda: daemon.velocities[-3:] == [ZERO] * 3)
+    # A full connection may have dropped the zeros before the last one, which waits for room.
+    await eventually(lambda: daemon.velocities[-1] == ZERO)
 
 
 @pytest.mark.nightly
