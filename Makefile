@@ -218,8 +218,8 @@ bundled: $(VENV)/.release ## pin what the Debian package bundles anew, with hash
 	@$(VENV)/bin/uv pip compile -q --upgrade --universal --python-version 3.11 --generate-hashes --no-annotate \
 	  --custom-compile-command 'make bundled' --extra monitor --extra web pyproject.toml -o packaging/bundled.txt
 
-system-test: $(VENV)/.dev ## the installed service under a real systemd, in a container (root; SUITE=trixie, SHORT=1, OLDER=REVISION)
-	@$(PY) make/system_test.py $(if $(SUITE),--suite $(SUITE)) $(if $(SHORT),--short --if-possible) $(if $(OLDER),--older $(OLDER)) $(ARGS)
+system-test: $(VENV)/.dev ## the installed service under a real systemd, in a container (root; SUITE=trixie, SHORT=1)
+	@$(PY) make/system_test.py $(if $(SUITE),--suite $(SUITE)) $(if $(SHORT),--short --if-possible) $(ARGS)
 
 plug-test: $(VENV)/.dev ## what plugging a board in does, on a real kernel in an emulated PC (root; five minutes)
 	@$(PY) make/plug_test.py $(if $(SUITE),--suite $(SUITE)) $(ARGS)

@@ -37,9 +37,6 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n", maxsplit=1)[0])
     parser.add_argument("--suite", default="bookworm", help="the Debian release to boot")
     parser.add_argument(
-        "--older", default="", metavar="REVISION", help="update from the package of this commit too"
-    )
-    parser.add_argument(
         "--short", action="store_true", help="the main claims only, for every change"
     )
     parser.add_argument(
@@ -51,7 +48,6 @@ def main() -> int:
         install_tools()
         root = make_root(cache, args.suite)
         package = build_package(TREE, cache / f"packages-{root.name}", root)
-        older = build_older(cache, root, args.older) if args.older else ""
     except Impossible as why:
         sys.stderr.write(f"system-test: not run: {why}\n")
         return 0 if args.if_possible else 1
@@ -62,7 +58,6 @@ def main() -> int:
             **os.environ,
             "YAHBOOMD_SYSTEM_ROOT": str(root),
             "YAHBOOMD_SYSTEM_PACKAGE": str(package),
-            "YAHBOOMD_SYSTEM_OLDER": str(older),
             "YAHBOOMD_SYSTEM_SHORT": "1" if args.short else "",
         },
     )
@@ -123,16 +118,6 @@ def make_root(cache: Path, suite: str, *options: str, include: str = INCLUDE) ->
         (half / "var/cache/apt/archives/partial").mkdir(parents=True)
         half.rename(root)
     return root
-
-
-def build_older(cache: Path, root: Path, revision: str) -> Path:
-    """Build the package of another commit, whose version is 0.0 without its history."""
-    with tempfile.TemporaryDirectory(prefix="yahboomd-older-") as folder:
-        packed = subprocess.run(
-            ["git", "archive", revision], cwd=TREE, check=True, capture_output=True
-        )
-        subprocess.run(["tar", "-x", "-C", folder], input=packed.stdout, check=True)
-        return build_package(Path(folder), cache / f"older-{root.name}", root)
 
 
 def build_package(tree: Path, output: Path, root: Path, *options: str) -> Path:

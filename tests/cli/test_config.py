@@ -98,19 +98,3 @@ def test_urdf_and_parameters_are_those_of_the_configuration(empty, capsys):
     limit = "limits.linear={velocity=0.2}"
     assert main(["config", "parameters", "nav2", "--config", empty, "--set", limit]) == 0
     assert "vx_max: 0.2\n" in capsys.readouterr().out
-
-
-def test_migrate_writes_only_when_asked_and_keeps_the_old_file(tmp_path, capsys):
-    path = tmp_path / "config.toml"
-    old = '[command.sources]\ncmd_vel = { priority = 10 }\n"cmd_vel/teleop" = { priority = 100 }\n'
-    path.write_text(old)
-    assert main(["config", "migrate", "--config", str(path)]) == 0
-    shown = capsys.readouterr().out
-    assert "lacks cmd_vel/web: the page cannot drive" in shown
-    assert '+[command.sources."cmd_vel/web"]' in shown
-    assert path.read_text() == old
-    assert main(["config", "migrate", "--write", "--config", str(path)]) == 0
-    assert "config.toml.before-migrate" in capsys.readouterr().out
-    assert (tmp_path / "config.toml.before-migrate").read_text() == old
-    assert main(["config", "migrate", "--config", str(path)]) == 0
-    assert capsys.readouterr().out == f"{path} needs no change.\n"

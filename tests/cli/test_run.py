@@ -14,6 +14,7 @@ from real_robot import Process, free_endpoint, wait_for
 from yahboomd.cli.main import main
 from yahboomd.core.daemon.service import Daemon
 from yahboomd.core.link import port_note
+from yahboomd.core.link.port_identity import identify
 from yahboomd.core.link.port_note import PortNote
 from yahboomd.tools.stop.unresponsive import process_state
 
@@ -168,7 +169,9 @@ def test_a_daemon_that_does_not_start_names_the_board_of_one_that_was_killed(
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
     master, slave = os.openpty()
-    note = PortNote(os.ttyname(slave), 115200, True, False, False, None, gone.pid)
+    note = PortNote(
+        os.ttyname(slave), 115200, True, False, False, identify(os.fstat(slave)), gone.pid
+    )
     assert port_note.write(note, str(tmp_path))
     os.close(slave)
     if mistake:

@@ -17,13 +17,14 @@ from real_robot import DRIVER, RealRobot, wait_for
 from yahboomd.cli.run import GUARDED_S
 from yahboomd.core.link import port_note
 from yahboomd.core.link.port_errors import holders
+from yahboomd.core.link.port_identity import Device
 from yahboomd.core.link.port_note import PortNote
 from yahboomd.tools.port.charge import Charge
 from yahboomd.tools.port.guard import FAR_MS, Guard
 from yahboomd.tools.stop import last_stop
 from yahboomd.tools.stop.unresponsive import is_guard
 
-NOTE = PortNote("/dev/pts/0", 115200, True, False, False)
+NOTE = PortNote("/dev/pts/0", 115200, True, False, False, Device(48128, "6:1034", ""))
 PORT = port_note.text_of(NOTE).encode()
 
 

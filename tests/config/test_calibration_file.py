@@ -95,10 +95,6 @@ def test_a_mecanum_base_has_three_multipliers_and_others_two(tmp_path: Path) -> 
     assert "calibration.toml" in found.origins["chassis", "sideways_multiplier"].words
     (warning,) = loaded(tmp_path, base[0], "chassis.wheel_base_m=0.21").warnings
     assert "chassis.wheel_base_m was 0.2 and is 0.21" in warning
-    # An older file without that comment is still used.
-    lines = [line for line in path.read_text().splitlines() if "wheel_base_m" not in line]
-    path.write_text("\n".join(lines))
-    assert loaded(tmp_path, *base).config.chassis.sideways_multiplier == 0.87
     forward = found.config.kinematics().forward
     assert forward[1][1] == pytest.approx(0.25 * 0.87)
 

@@ -173,7 +173,7 @@ async def test_a_simulated_board_and_another_namespace_have_latches_of_their_own
     tmp_path: Path, settings: tuple[str, ...], engaged: bool
 ) -> None:
     environ = {"RUNTIME_DIRECTORY": str(tmp_path)}
-    LatchFile(tmp_path / "estop").engage("an earlier version")
+    LatchFile(tmp_path / "estop").engage("a person")
     latch = assembly.latch(config(*settings), LoopClock(), environ)
     assert latch.engaged is engaged
     if engaged:

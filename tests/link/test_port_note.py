@@ -1,5 +1,6 @@
 """The daemon's note for the process that stops the wheels after it."""
 
+import json
 import os
 import subprocess
 import sys
@@ -75,15 +76,6 @@ def test_of_several_folders_the_first_is_used() -> None:
     assert read("") == []
 
 
-def test_a_note_of_an_earlier_version_names_no_device_and_no_daemon(tmp_path: Path) -> None:
-    (tmp_path / "port").write_text(
-        '{"path": "/dev/yahboom_driver", "baudrate": 115200, "dtr": true, "rts": false, '
-        '"hangup_on_close": false}'
-    )
-
-    assert read(str(tmp_path)) == [NOTE._replace(device=None)]
-
-
 def test_where_no_file_can_be_made_the_note_of_before_is_overwritten(tmp_path: Path) -> None:
     before = NOTE._replace(pid=1, ended=True, listen=("tcp/[::1]:1", "tcp/[::1]:2"))
     write(before, str(tmp_path))
@@ -108,30 +100,37 @@ def test_a_folder_that_cannot_be_written_is_no_error(tmp_path: Path) -> None:
     assert read(str(tmp_path / "missing")) == []
 
 
+@pytest.mark.parametrize("text", ["", "{", "[]", "[" * 4096, "7", "\udcff"])
+def test_what_is_no_note_is_left_out(tmp_path: Path, text: str) -> None:
+    (tmp_path / "port@x").write_bytes(text.encode("utf-8", "surrogateescape"))
+
+    assert read(str(tmp_path)) == []
+
+
 @pytest.mark.parametrize(
-    "text",
+    "wrong",
     [
-        "",
-        "{",
-        "[]",
-        "[" * 4096,
-        "7",
-        "\udcff",
-        '{"path": "/dev/ttyUSB0"}',
-        '{"path": 1, "baudrate": 115200, "dtr": true, "rts": false, "hangup_on_close": false}',
-        '{"path": "/dev/a", "baudrate": true, "dtr": 1, "rts": false, "hangup_on_close": false}',
-        '{"path": "a", "baudrate": 1, "dtr": true, "rts": true, "hangup_on_close": false, "x": 1}',
-        (
-            '{"path": "a", "baudrate": 1, "dtr": true, "rts": true, "hangup_on_close": false, '
-            '"device": [1, 2, 3]}'
-        ),
-        (
-            '{"path": "a", "baudrate": 1, "dtr": true, "rts": true, "hangup_on_close": false, '
-            '"device": 7}'
-        ),
+        {"path": 1},
+        {"baudrate": True, "dtr": 1},
+        {"unknown": 1},
+        {"device": None},
+        {"device": [1, 2, 3]},
+        {"device": 7},
     ],
 )
-def test_a_damaged_note_is_left_out(tmp_path: Path, text: str) -> None:
-    (tmp_path / "port").write_bytes(text.encode("utf-8", "surrogateescape"))
+def test_a_note_with_a_wrong_field_is_left_out(tmp_path: Path, wrong: dict[str, object]) -> None:
+    place = tmp_path / "port@x"
+    place.write_text(json.dumps(NOTE._asdict()))
+    assert read(str(tmp_path)) == [NOTE]
+
+    place.write_text(json.dumps(NOTE._asdict() | wrong))
+
+    assert read(str(tmp_path)) == []
+
+
+def test_a_note_without_its_device_is_left_out(tmp_path: Path) -> None:
+    fields = NOTE._asdict()
+    del fields["device"]
+    (tmp_path / "port@x").write_text(json.dumps(fields))
 
     assert read(str(tmp_path)) == []

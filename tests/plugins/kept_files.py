@@ -25,18 +25,15 @@ from yahboomd.blackbox.saved_boxes import save_box, saved_boxes
 from yahboomd.core.config.calibration_file import read_calibration
 from yahboomd.core.daemon.estop.latch_file import LatchFile
 from yahboomd.tools.calibrate.calibration_writing import undo_calibration, write_calibration
-from yahboomd.tools.config_migration import migration, write_migrated
 from yahboomd.tools.record.cut_files import Cut, parts, read_from_front
 from yahboomd.tools.record.mcap_files import METADATA, ROS, Channel, McapFiles
 from yahboomd.tools.setup.robot_file import write_robot
 from yahboomd.tools.tune.saved import SavedSettings, finish, read_saved, remove, save
-from yahboomd.tools.whole_file import write_whole
 from yahboomd.web.entry_tokens import keep
 from yahboomd.web.session_files import PREFIX as SESSION
 from yahboomd.web.session_files import StoredSession, end_stored, replace, stored_sessions
 
 ROBOT = '[serial]\nport = "/dev/ttyUSB{}"\n'
-OLDER = '[command.sources]\ncmd_vel = {}\n"cmd_vel/teleop" = {}\n'
 SETTINGS = SavedSettings(made="then", port="", dialect="streamed", settings={"deadzone": 1600})
 """The board's own, before a tuning."""
 
@@ -160,15 +157,6 @@ KEPT = {
             for n in range(3)
         ),
         _text("robot.toml"),
-    ),
-    "the configuration that `config migrate` writes": Kept(
-        (
-            lambda folder: write_whole(folder / "config.toml", OLDER.encode()),
-            lambda folder: write_migrated(
-                folder / "config.toml", migration(folder / "config.toml")
-            ),
-        ),
-        _text("config.toml"),
     ),
     "the board's own values during a tuning": Kept(
         (

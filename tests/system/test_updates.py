@@ -8,52 +8,27 @@ from pathlib import Path
 
 import pytest
 from nspawn_machine import Machine, wait_until
-from older_packages import OLDER, real_older, repacked
+from older_packages import OLDER, repacked
 from service_bench import SERVICE, Bench, package_of_environment
 
 pytestmark = pytest.mark.realtime
 
-ROOT = Path(__file__).resolve().parents[2]
 CONFIG = "/etc/yahboomd/config.toml"
-DEFAULT = (ROOT / "systemd/config.toml").read_text()
-KINDS = ("full", "bare", "real")
-"""Every default in a file of dpkg's; as the tested one is; of an older commit, if one was named."""
 
 
-@pytest.fixture(scope="module")
-def older(machine: Machine, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Older packages by their kind, as paths inside."""
+@pytest.fixture
+def package(bench: Bench, tmp_path: Path) -> Iterator[str]:
+    """The older package, installed as the only one that ever was; its path inside."""
+    machine = bench.machine
     prepared = package_of_environment()
     assert prepared is not None
-    made = {}
-    for kind in KINDS:
-        folder = tmp_path_factory.mktemp(kind)
-        if kind == "real":
-            real = real_older()
-            if real is None:
-                continue
-            # Before the first tag each build had the number of the release to come.
-            package = repacked(real, folder)
-        else:
-            config = (ROOT / "config.toml").read_text() if kind == "full" else ""
-            package = repacked(prepared[1], folder, config=config)
-        shutil.copy(package, machine.shared / f"{kind}.deb")
-        made[kind] = f"/run/shared/{kind}.deb"
-    return made
-
-
-@pytest.fixture(params=KINDS)
-def package(request: pytest.FixtureRequest, bench: Bench, older: dict[str, str]) -> Iterator[str]:
-    """The older package, installed as the only one that ever was."""
-    if request.param not in older:
-        pytest.skip("no older commit was named: make system-test OLDER=REVISION")
-    machine = bench.machine
+    shutil.copy(repacked(prepared[1], tmp_path), machine.shared / "older.deb")
     try:
         machine.run("apt-get", "purge", "--yes", "yahboomd")
-        install(machine, older[request.param])
+        install(machine, "/run/shared/older.deb")
         machine.run("systemctl", "start", SERVICE)
         bench.wait_for_status("standing")
-        yield older[request.param]
+        yield "/run/shared/older.deb"
     finally:
         machine.run("sh", "-c", "rm -f /run/yahboomd/estop*")
         machine.run("apt-get", "purge", "--yes", "yahboomd")
@@ -97,18 +72,6 @@ def test_an_update_and_back_keep_a_persons_file_a_drive_and_an_engaged_stop(
     assert bench.board.stands()
     assert machine.run("cat", CONFIG) == mine
     said = install(machine, package, check=False)
-    if package.endswith("real.deb"):
-        # Only the older package itself can refuse, and that of an old commit does not.
-        return
-    if OLDER in said:
-        assert f"{OLDER} is older than" in said
-        bench.wait_for_status("estopped")
-        assert bench.board.stands()
-
-
-@pytest.mark.parametrize("package", ["full"], indirect=True)
-def test_a_default_file_that_nobody_changed_becomes_the_new_one(bench: Bench, package: str) -> None:
-    machine = bench.machine
-    install(machine, machine.package)
-    assert machine.run("cat", CONFIG) == DEFAULT
-    assert "needs no change" in machine.run("yahboomd", "config", "migrate")
+    assert f"{OLDER} is older than" in said
+    bench.wait_for_status("estopped")
+    assert bench.board.stands()

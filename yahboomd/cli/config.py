@@ -6,10 +6,8 @@ import argparse
 import json
 import sys
 from dataclasses import asdict
-from pathlib import Path
 
 from yahboomd.cli.shared_options import add_config_options, read_config
-from yahboomd.core.program import STANDARD_PATH
 from yahboomd.tools.ros_files.node_parameters import PARAMETERS
 from yahboomd.tools.ros_files.robot_model import urdf
 from yahboomd.tools.ros_files.yaml_text import as_yaml
@@ -21,7 +19,6 @@ examples:
   yahboomd config check                           the file that the service reads
   yahboomd config show --origin --config robot.toml
   yahboomd config reference --toml > robot.toml   every key, commented
-  yahboomd config migrate                         what a file of an older version lacks
   yahboomd config urdf > robot.urdf               the robot's model for ROS 2
   yahboomd config parameters nav2                 what Nav2 has to know of this base
 
@@ -68,21 +65,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     reference.add_argument(
         "--toml", action="store_true", help="print the commented default file instead"
-    )
-
-    migrate = verbs.add_parser(
-        "migrate",
-        help="bring the file of an older version up to this one",
-        description="Print what the configuration file of an older version lacks, and which of "
-        "its lines only repeat a default, and how it would look without them. Nothing is written "
-        "without --write. Your lines and comments stay.",
-    )
-    migrate.add_argument(
-        "--config", type=Path, default=STANDARD_PATH, metavar="FILE",
-        help="file to bring up (default: /etc/yahboomd/config.toml)",
-    )  # fmt: skip
-    migrate.add_argument(
-        "--write", action="store_true", help="write it; the old one is kept beside it"
     )
 
     model = verbs.add_parser(
@@ -132,25 +114,8 @@ def run(args: argparse.Namespace) -> int:
             tree = PARAMETERS[args.package](read_config(args).config)
             print(f"# Parameters of {args.package} by `yahboomd config parameters`.")
             print(as_yaml(tree), end="")
-        case "migrate":
-            _migrate(args.config, write=args.write)
         case "schema":
             print(schema.as_json(), end="")
         case _:
             print(reference.default_toml() if args.toml else reference.markdown(), end="")
     return 0
-
-
-def _migrate(path: Path, *, write: bool) -> None:
-    from yahboomd.tools.config_migration import migration, write_migrated
-
-    found = migration(path)
-    for sentence in found.sentences:
-        print(sentence)
-    if not found.sentences:
-        print(f"{path} needs no change.")
-    elif write:
-        print(f"{path} is written, and the old one kept as {write_migrated(path, found)}.")
-        print("The daemon reads it when it starts: sudo systemctl restart yahboomd")
-    else:
-        print(f"\n{found.diff(path)}\n\nTo write it: the same command with --write.")

@@ -131,12 +131,9 @@ def test_a_disk_without_room_for_a_name_is_written_once_there_is_room(tmp_path: 
     assert names == "['estop']"
 
 
-def test_nothing_but_the_latch_is_left_behind_and_what_was_is_removed(tmp_path: Path) -> None:
-    (tmp_path / ".estop-a_b2c3d4").touch()
-    (tmp_path / ".estop-mine").touch()
-    LatchFile(tmp_path / "estop").load()
+def test_nothing_but_the_latch_is_left_behind(tmp_path: Path) -> None:
     LatchFile(tmp_path / "estop").engage("a query")
-    assert sorted(path.name for path in tmp_path.iterdir()) == [".estop-mine", "estop"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["estop"]
 
 
 def named(folder: Path, port: str, namespace: str = "") -> LatchFile:
@@ -171,7 +168,6 @@ def test_robots_on_different_ports_have_latches_of_their_own(
 def test_what_may_be_the_same_board_by_another_name_stays_engaged_until_released(
     tmp_path: Path, one: str, other: str
 ) -> None:
-    """Also a latch of an earlier version, whose name did not have the port in it."""
     named(tmp_path, one).engage("a query")
     assert named(tmp_path, other).load() == "a query"
     named(tmp_path, other).release()

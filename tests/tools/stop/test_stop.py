@@ -97,7 +97,7 @@ def test_the_note_of_a_killed_daemon_leads_to_the_port_without_the_configuration
     board.drive()
     board.kill_owner()
     monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
-    port_note.write(PortNote(str(board.port), 115200, True, False, False), str(tmp_path))
+    port_note.write(note_of(board.port), str(tmp_path))
     config = tmp_path / "config.toml"
     config.write_text("this is no TOML")
     assert main(["stop", "--direct", "--config", str(config)]) == 0
@@ -162,7 +162,8 @@ def test_a_note_of_a_port_that_is_gone_does_not_keep_the_wheels_turning(
     board.drive()
     board.kill_owner()
     monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
-    port_note.write(PortNote(str(tmp_path / "gone"), 115200, True, False, False), str(tmp_path))
+    gone = note_of("/dev/null")._replace(path=str(tmp_path / "gone"))
+    port_note.write(gone, str(tmp_path))
     config = tmp_path / "config.toml"
     config.write_text(f'[serial]\nport = "{board.port}"\n')
     assert main(["stop", "--direct", "--config", str(config)]) == 0

@@ -15,6 +15,7 @@ from yahboomd.cli.main import main
 from yahboomd.core.errors import LinkError, PortBusy, PortMissing
 from yahboomd.core.link import port_note
 from yahboomd.core.link.line import ReceivedSample
+from yahboomd.core.link.port_identity import Device
 from yahboomd.core.link.port_note import PortNote
 from yahboomd.core.link.seize import Seized
 from yahboomd.core.link.takeover import TakeoverReport
@@ -141,7 +142,8 @@ def test_a_port_that_a_living_neighbour_holds_is_no_trouble_and_a_frozen_ones_is
     monkeypatch.setattr(stop_port, "RETRY_S", 0.01)
     monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
     for path, name in (("/dev/free", ""), ("/dev/held", "bot1")):
-        note = PortNote(path, 115200, True, False, False, pid=os.getpid() + len(name))
-        assert port_note.write(note._replace(namespace=name), str(tmp_path))
+        device = Device(len(name), "", "")
+        note = PortNote(path, 115200, True, False, False, device, os.getpid() + len(name), name)
+        assert port_note.write(note, str(tmp_path))
     assert seize_noted_ports() == [free]
     assert ("/dev/held is held" in capsys.readouterr().err) is warned

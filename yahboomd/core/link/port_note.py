@@ -24,8 +24,7 @@ class PortNote(NamedTuple):
 
     Attributes:
         path: The device, as it was named: a link stays a link.
-        device: Its identity: its name may be another's by now. None in a note of an earlier
-            version.
+        device: Its identity: its name may be another's by now.
         pid: The daemon's process.
         listen: The daemon's endpoints for Zenoh.
         ended: The daemon ended in order, and its wheels were seen to stand.
@@ -36,7 +35,7 @@ class PortNote(NamedTuple):
     dtr: bool
     rts: bool
     hangup_on_close: bool
-    device: Device | None = None
+    device: Device
     pid: int = 0
     namespace: str = ""
     listen: tuple[str, ...] = ()
@@ -120,7 +119,6 @@ def _put(place: str, note: PortNote) -> None:
 
 
 def _found(folder: str) -> list[tuple[str, PortNote]]:
-    """All notes, also that of an earlier version, which had one name for all daemons."""
     try:
         names = sorted(os.listdir(folder)) if folder else []
     except OSError:
@@ -128,7 +126,7 @@ def _found(folder: str) -> list[tuple[str, PortNote]]:
     places = [
         os.path.join(folder, name)
         for name in names
-        if (name == NAME or name.startswith((f"{NAME}@", f"{NAME}."))) and name[-4:] != ".new"
+        if name.startswith((f"{NAME}@", f"{NAME}.")) and name[-4:] != ".new"
     ]
     return [(place, note) for place in places if (note := _note(place)) is not None]
 
@@ -153,14 +151,12 @@ def text_of(note: PortNote | None) -> str:
 def note_of(text: str | bytes) -> PortNote | None:
     try:
         note = PortNote(**json.loads(text))
-        if note.device is not None:
-            note = note._replace(device=Device(*note.device))
-        note = note._replace(listen=tuple(note.listen))
+        note = note._replace(device=Device(*note.device), listen=tuple(note.listen))
     except (ValueError, TypeError, RecursionError):
         return None
     if tuple(map(type, note[:5])) != (str, int, bool, bool, bool):
         return None
-    if note.device is not None and tuple(map(type, note.device)) != (int, str, str):
+    if tuple(map(type, note.device)) != (int, str, str):
         return None
     if (type(note.pid), type(note.namespace), type(note.ended)) != (int, str, bool):
         return None

@@ -55,7 +55,6 @@ motor by motor). A single key from the environment or `--set` changes that key a
 ```
 yahboomd config check      whether the configuration can be used; else every mistake, with its line
 yahboomd config show       the configuration in effect; with --origin the origin of each value
-yahboomd config migrate    what the file of an older version lacks; with --write it is added
 yahboomd config schema     a JSON Schema, for editors
 yahboomd config reference  this page; with --toml the commented default file
 ```

@@ -46,8 +46,6 @@ def seize_again(note: PortNote) -> Seized:
 def path_of(note: PortNote) -> str:
     """A path of the device now; empty if it is not there."""
     device = note.device
-    if device is None:
-        return ""
     found = find(device)
     if found is None and is_pseudo(device.number) and os.path.islink(note.path):
         # A pseudo-terminal does not come back: its owner points the link to the next one.

@@ -116,8 +116,6 @@ def seize_noted(note: PortNote) -> Seized | None:
     except OSError as error:
         if isinstance(error, BlockingIOError) or error.errno == errno.EBUSY:
             raise PortBusy(f"{note.path} is held by another process.") from error
-        if note.device is None:
-            return None
         other = isinstance(error, OtherDevice)
     found = port_identity.find(note.device)
     if found is not None:

@@ -220,7 +220,7 @@ class EstopLatch:
             )
             reason = "it was engaged when yahboomd last ran"
             remembered = Latched(reason=reason, by=by, since_ns=now_ns)
-            # It may have been found under an older name.
+            # It may have been found under another name of the port.
             self._keeper.engage(by)
         self._stop = EmergencyStop(remembered)
 

@@ -11,7 +11,6 @@ import errno
 import json
 import logging
 import os
-import re
 import stat
 from pathlib import Path
 from urllib.parse import unquote
@@ -21,8 +20,6 @@ from yahboomd.core.daemon.folder import check_folder, prepare_folder
 log = logging.getLogger(__name__)
 
 MAX_BYTES = 4096
-_LEFT_OVER = re.compile(r"\.estop-[a-z0-9_]{8}")
-"""Temporary files that earlier versions left behind on a full disk."""
 
 
 class LatchFile:
@@ -47,7 +44,6 @@ class LatchFile:
         folder = self._path.parent
         try:
             check_folder(folder)
-            self._sweep(folder)
             found = self._files()
         except FileNotFoundError:
             return None
@@ -105,12 +101,6 @@ class LatchFile:
             if same and name != self._path.name and _may_be(self._port, unquote(port)):
                 found.append(self._path.with_name(name))
         return found
-
-    def _sweep(self, folder: Path) -> None:
-        for name in os.listdir(folder):
-            if _LEFT_OVER.fullmatch(name):
-                with contextlib.suppress(OSError):
-                    os.unlink(folder / name)
 
 
 def engaged_in(folder: Path, port: str) -> Path | None:
