@@ -25,8 +25,8 @@ from yahboomd.client import (
     WheelsSample,
     connect,
 )
-from yahboomd.client.async_robot import estop_payload
-from yahboomd.client.connecting import client_options
+from yahboomd.client.connection import client_options
+from yahboomd.client.services import estop_payload
 from yahboomd.client.streams import KEYS
 from yahboomd.core.bus import keys
 from yahboomd.core.bus.alarms import READ_BYTES

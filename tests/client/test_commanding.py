@@ -13,7 +13,7 @@ import pytest
 from zenoh_fixtures import PATIENCE_S, eventually
 
 from yahboomd.client import AsyncRobot, CommandEnded, PoseSample, connect
-from yahboomd.client.connecting import client_options
+from yahboomd.client.connection import client_options
 from yahboomd.core.clock import SystemClock
 
 pytestmark = pytest.mark.usefixtures("fake_zenoh")

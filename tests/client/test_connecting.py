@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.client.connecting import client_options, connect
+from yahboomd.client import connect
+from yahboomd.client.connection import client_options
 
 
 def test_a_client_listens_nowhere_and_enforces_no_access_control() -> None:

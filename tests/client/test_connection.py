@@ -8,8 +8,7 @@ import daemon_samples
 import pytest
 from zenoh_fixtures import PATIENCE_S, eventually, free_endpoint
 
-from yahboomd.client.connecting import client_options
-from yahboomd.client.connection import Connection
+from yahboomd.client.connection import Connection, client_options
 from yahboomd.core.bus import keys
 from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.options import BusOptions

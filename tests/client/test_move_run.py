@@ -10,9 +10,9 @@ import pytest
 from fake_moves import FakeMoves
 from zenoh_fixtures import eventually
 
-from yahboomd.client import Move, MoveEnded, NoDaemon, Refused, connect, move_run
+from yahboomd.client import Move, MoveEnded, NoDaemon, Refused, connect, robot_moves
 from yahboomd.client.move_messages import CANCEL, PAUSE, RESUME, START
-from yahboomd.client.move_run import MoveRun, with_limits
+from yahboomd.client.robot_moves import MoveRun
 from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.options import BusOptions
 from yahboomd.core.messages.native import ServiceReply
@@ -25,7 +25,7 @@ TURN = Move(kind="turn", angle_rad=1.0)
 @pytest.fixture
 async def moves(fake_daemon: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> Any:
     """The service beside a daemon, and a robot that is connected to both."""
-    monkeypatch.setattr(move_run, "SERVICE_S", 60.0)
+    monkeypatch.setattr(robot_moves, "SERVICE_S", 60.0)
     daemon = await fake_daemon()
     bus = Bus(BusOptions(listen=(), connect=(daemon.endpoint,)))
     await bus.open()
@@ -58,7 +58,7 @@ async def test_a_move_is_asked_for_kept_alive_and_awaited(moves: Any) -> None:
 async def test_a_service_that_becomes_known_a_moment_later_is_asked_again(
     fake_daemon: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(move_run, "KNOWN_S", 60.0)
+    monkeypatch.setattr(robot_moves, "KNOWN_S", 60.0)
     daemon = await fake_daemon()
     bus = Bus(BusOptions(listen=(), connect=(daemon.endpoint,)))
     await bus.open()
@@ -156,7 +156,7 @@ async def test_a_refusal_is_raised_in_the_words_of_the_service(moves: Any) -> No
 async def test_without_the_service_the_error_says_how_to_start_it(
     fake_daemon: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(move_run, "ASK_S", 0.3)
+    monkeypatch.setattr(robot_moves, "ASK_S", 0.3)
     daemon = await fake_daemon()
     async with connect(daemon.endpoint) as robot:
         with pytest.raises(NoDaemon, match="`yahboomd moves`"):
@@ -167,15 +167,9 @@ async def test_a_service_that_falls_silent_is_gone(
     moves: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     _, robot = moves
-    monkeypatch.setattr(move_run, "SERVICE_S", 0.3)
+    monkeypatch.setattr(robot_moves, "SERVICE_S", 0.3)
     with pytest.raises(NoDaemon, match="is gone"):
         await robot.straight(1.0)
-
-
-def test_limits_have_names_that_exist() -> None:
-    assert with_limits(TURN, {"speed_m_s": 0.1}).speed_m_s == 0.1
-    with pytest.raises(TypeError, match="speed is no limit"):
-        with_limits(TURN, {"speed": 0.1})
 
 
 async def test_some_moves_are_needed() -> None:

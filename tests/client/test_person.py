@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from yahboomd.cli.main import main
-from yahboomd.client.person import own_source, person_in
+from yahboomd.client.services import own_source, person_in
 
 FLEET = """
 fleet = "farm"

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from yahboomd.client.plain_move_run import PlainMoveRun
+from yahboomd.client.plain_robot import PlainMoveRun
 from yahboomd.core.errors import BusError
 
 

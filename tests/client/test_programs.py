@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from zenoh_fixtures import PATIENCE_S, eventually
 
-from yahboomd.client.repeater import ZEROS_NS
+from yahboomd.client.commanding import ZEROS_NS
 
 pytestmark = pytest.mark.realtime
 

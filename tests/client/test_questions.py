@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from zenoh_fixtures import PATIENCE_S
 
-from yahboomd.client.questions import (
+from yahboomd.client.services import (
     Answer,
     ask,
     ask_urgently,

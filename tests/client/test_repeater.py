@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from yahboomd.client.repeater import ZEROS_NS, Repeater
+from yahboomd.client.commanding import ZEROS_NS, Repeater
 from yahboomd.core.model import STANDSTILL, Twist2d
 
 FORWARD = Twist2d(vx=0.2)

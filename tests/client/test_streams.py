@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+from typing import Any
+from unittest.mock import Mock
 
 import daemon_samples
 import msgspec
@@ -12,6 +14,7 @@ from hypothesis import strategies as st
 from msgspec import structs
 
 from yahboomd.client.streams import KEYS, Samples, depth_of, read_sample
+from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.subscriptions import Arrival
 from yahboomd.core.messages.codecs import encode
 from yahboomd.core.messages.native import EventSample, PoseSample, StatusSample
@@ -63,15 +66,19 @@ def arrival(seq: int, *, dropped: int = 0) -> Arrival:
     return Arrival(key="", payload=payload, stamp_ns=None, arrived_ns=0, dropped=dropped)
 
 
+def stream_of(depth: int, *taken: Any) -> Samples[PoseSample]:
+    return Samples(Mock(spec=Bus), PoseSample, depth, *taken)
+
+
 async def test_samples_come_in_order_and_end_after_what_is_kept() -> None:
-    stream = Samples(PoseSample, 8)
+    stream = stream_of(8)
     stream.receive([arrival(1), arrival(2)])
     stream.close()
     assert [sample.seq async for sample in stream] == [1, 2]
 
 
 async def test_a_slow_reader_gets_the_newest_and_the_losses_are_counted() -> None:
-    stream = Samples(PoseSample, 2)
+    stream = stream_of(2)
     stream.receive([arrival(1, dropped=3), arrival(2), arrival(3)])
     stream.close()
     assert [sample.seq async for sample in stream] == [2, 3]
@@ -80,7 +87,7 @@ async def test_a_slow_reader_gets_the_newest_and_the_losses_are_counted() -> Non
 
 async def test_the_arrival_of_each_sample_that_a_reader_takes_is_handed_on() -> None:
     taken: list[int] = []
-    stream = Samples(PoseSample, 2, taken.append)
+    stream = stream_of(2, taken.append)
     stream.receive([structs.replace(arrival(1), arrived_ns=5), arrival(2)])
     await anext(stream)
     assert taken == [5]
@@ -95,15 +102,14 @@ def test_the_newest_is_kept_of_all_but_events() -> None:
 
 
 async def test_what_is_no_such_message_is_counted() -> None:
-    stream = Samples(PoseSample, 8)
+    stream = stream_of(8)
     stream.receive([Arrival(key="", payload=b"{}", stamp_ns=None, arrived_ns=0)])
     assert stream.unreadable == 1
 
 
 async def test_a_reader_that_waits_is_woken_by_a_sample_and_by_the_end() -> None:
-    stream = Samples(PoseSample, 8)
-    ends: list[str] = []
-    stream.attach(lambda: ends.append("ended"))
+    bus = Mock(spec=Bus)
+    stream = Samples(bus, PoseSample, 8)
     reading = asyncio.create_task(anext(stream))
     await asyncio.sleep(0)
     stream.receive([arrival(5)])
@@ -113,6 +119,6 @@ async def test_a_reader_that_waits_is_woken_by_a_sample_and_by_the_end() -> None
     stream.close()
     stream.close()
     assert await waiting is None
-    assert ends == ["ended"]
+    bus.subscribe.return_value.close.assert_called_once()
     with pytest.raises(StopAsyncIteration):
         await anext(stream)

@@ -10,8 +10,8 @@ from typing import Any, Self
 
 from robot_bench import RobotBench
 
-from yahboomd.client.questions import Answer
-from yahboomd.client.repeater import Repeater
+from yahboomd.client.commanding import Repeater
+from yahboomd.client.services import Answer
 from yahboomd.core.bus import keys
 from yahboomd.core.clock import nanoseconds
 from yahboomd.core.config import Loaded

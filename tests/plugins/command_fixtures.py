@@ -15,7 +15,7 @@ from simulated_board import simulated_board
 from terminal_process import terminal
 
 from yahboomd.cli.main import main
-from yahboomd.client import async_robot
+from yahboomd.client import services
 from yahboomd.core import program
 from yahboomd.tools.stop import stop_local
 
@@ -43,7 +43,7 @@ def patience(monkeypatch: pytest.MonkeyPatch) -> None:
     """A daemon that a busy machine holds up is waited for: none may be silent on purpose."""
     monkeypatch.setattr(stop_local, "STATUS_WITHIN_S", PATIENCE_S)
     for name in ("ask", "ask_urgently"):
-        monkeypatch.setattr(async_robot, name, _patient(getattr(async_robot, name)))
+        monkeypatch.setattr(services, name, _patient(getattr(services, name)))
 
 
 def _patient(ask: Callable[..., Any]) -> Callable[..., Any]:

@@ -20,7 +20,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 from zenoh_fixtures import PATIENCE_S, eventually
 
-from yahboomd.client.connecting import client_options
+from yahboomd.client.connection import client_options
 from yahboomd.core.clock import SystemClock
 from yahboomd.core.config import read
 from yahboomd.web.entry_tokens import digest, keep, make_entry

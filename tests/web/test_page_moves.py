@@ -13,7 +13,7 @@ from fake_moves import FakeMoves
 from web_site import Page, Site
 from zenoh_fixtures import eventually
 
-from yahboomd.client import move_run
+from yahboomd.client import robot_moves
 from yahboomd.client.move_messages import CANCEL, START
 from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.options import BusOptions
@@ -64,8 +64,8 @@ async def bench(
     site: Callable[..., Awaitable[Site]],
     monkeypatch: pytest.MonkeyPatch,
 ) -> Any:
-    monkeypatch.setattr(move_run, "SERVICE_S", 60.0)
-    monkeypatch.setattr(move_run, "ASK_S", 60.0)
+    monkeypatch.setattr(robot_moves, "SERVICE_S", 60.0)
+    monkeypatch.setattr(robot_moves, "ASK_S", 60.0)
     daemon = await fake_daemon()
     bus = Bus(BusOptions(listen=(), connect=(daemon.endpoint,)))
     await bus.open()

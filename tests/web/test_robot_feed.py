@@ -11,7 +11,7 @@ import pytest
 import zenoh
 from zenoh_fixtures import eventually
 
-from yahboomd.client.connecting import client_options
+from yahboomd.client.connection import client_options
 from yahboomd.core.bus import keys
 from yahboomd.core.bus.bus import Bus
 from yahboomd.core.clock import SystemClock

@@ -236,7 +236,7 @@ def _save(args: argparse.Namespace) -> int:
     from yahboomd.cli.attended import attend
 
     async def work(robot: AsyncRobot) -> int:
-        from yahboomd.client.questions import read_answers
+        from yahboomd.client.services import read_answers
         from yahboomd.core.bus.keys import BLACKBOX_SAVE
         from yahboomd.core.errors import NoDaemon, Refused
 

@@ -84,7 +84,7 @@ def _request(text: str) -> bytes:
 
 
 async def _call(robot: AsyncRobot, service: str, request: bytes) -> int:
-    from yahboomd.client.questions import read_answers
+    from yahboomd.client.services import read_answers
     from yahboomd.core.bus import keys
     from yahboomd.core.errors import NoDaemon
     from yahboomd.tools.fleet.people_keys import NAMED

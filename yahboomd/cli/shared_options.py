@@ -81,7 +81,7 @@ def source_of(args: argparse.Namespace, config: Config, default: str) -> str:
     Raises:
         ConfigError: The key cannot be one.
     """
-    from yahboomd.client.person import own_source, person_in
+    from yahboomd.client.services import own_source, person_in
     from yahboomd.core.names import name_problem
 
     if args.source:

@@ -4,13 +4,12 @@
 the same for programs without asyncio. Leaving either stops the robot. `docs/clients.md` shows both.
 """
 
-from yahboomd.client.async_robot import AsyncRobot
+from yahboomd.client.async_robot import AsyncRobot, connect
 from yahboomd.client.commanding import Counters
-from yahboomd.client.connecting import connect
 from yahboomd.client.move_messages import Move, MoveSample
-from yahboomd.client.move_run import MoveEnded
 from yahboomd.client.plain_robot import Robot
-from yahboomd.client.questions import Answer
+from yahboomd.client.robot_moves import MoveEnded
+from yahboomd.client.services import Answer
 from yahboomd.client.streams import Samples
 from yahboomd.core.errors import BusError, CommandEnded, NoDaemon, Refused, YahboomdError
 from yahboomd.core.messages.native import (

@@ -5,30 +5,20 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
-import os
-import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import msgspec
 
 from yahboomd.client.commanding import Commands, Counters, number
-from yahboomd.client.connection import MAX_BYTES, Connection
+from yahboomd.client.connection import ENDPOINT, Connection, client_options
 from yahboomd.client.endings import Endings
-from yahboomd.client.move_messages import Move
-from yahboomd.client.move_run import MoveRun
-from yahboomd.client.person import own_source, person_in
-from yahboomd.client.questions import (
-    Answer,
-    ask,
-    ask_urgently,
-    read_answers,
-    silence_of,
-    which_count,
-)
-from yahboomd.client.robot_moves import RobotMoves
+from yahboomd.client.robot_moves import MoveRun, RobotMoves
+from yahboomd.client.services import own_source, person_in, silence_of
 from yahboomd.client.streams import (
+    MAX_BYTES,
     MOTION,
     Newest,
     NewestSamples,
@@ -38,14 +28,11 @@ from yahboomd.client.streams import (
     read_sample,
 )
 from yahboomd.core.bus import keys
-from yahboomd.core.bus.alarms import READ_BYTES
-from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.options import BusOptions
 from yahboomd.core.bus.subscriptions import Arrival
 from yahboomd.core.clock import Clock, SystemClock, seconds, timeout
-from yahboomd.core.errors import BusError, NoDaemon, Refused
-from yahboomd.core.messages.codecs import encode
-from yahboomd.core.messages.native import EstopRequest, SetPoseRequest, StatusSample, WheelsSample
+from yahboomd.core.errors import BusError, NoDaemon
+from yahboomd.core.messages.native import StatusSample, WheelsSample
 from yahboomd.core.model import STANDING_M_S, STANDING_READINGS, Twist2d
 from yahboomd.core.names import name_problem
 
@@ -55,9 +42,6 @@ if TYPE_CHECKING:
 log = logging.getLogger("yahboomd.client")
 
 Message = TypeVar("Message", bound=msgspec.Struct)
-
-ENDPOINT = "tcp/127.0.0.1:7448"
-"""A daemon's default endpoint, for this machine only."""
 
 DEADMAN_S = 1.0
 RATE_HZ = 20.0
@@ -184,7 +168,7 @@ class AsyncRobot(NewestSamples, RobotMoves):
                 await run.end()
             await self._commands.close()
         finally:
-            for stream in list(self._streams):
+            for stream in self._streams:
                 stream.close()
             if self._learning is not None:
                 self._learning.cancel()
@@ -206,15 +190,6 @@ class AsyncRobot(NewestSamples, RobotMoves):
     def is_open(self) -> bool:
         """Whether a router answered; from then on the session reconnects by itself."""
         return self._connection.is_open
-
-    @property
-    def bus(self) -> Bus:
-        """The session itself, for keys that have no method here.
-
-        Raises:
-            NoDaemon: It is not open.
-        """
-        return self._connection.bus
 
     async def wait_alive(self, wait_s: float = math.inf) -> None:
         """Wait until the daemon is there (again).
@@ -295,21 +270,6 @@ class AsyncRobot(NewestSamples, RobotMoves):
         """The fate of this client's commands, counted."""
         return self._commands.counters
 
-    def moves(self, *moves: Move, uncertain_m: float | None = None) -> MoveRun:
-        """Moves in a row: ``async with robot.moves(Move(kind="turn", angle_rad=1.57)) as run:``.
-
-        In the block, ``async for progress in run:`` follows them to their end, and
-        ``await run.finished()`` waits for the goal. Leaving the block ends them.
-
-        Args:
-            moves: 1 to 100 of them.
-            uncertain_m: They end once the place is this uncertain (m, since their begin).
-        """
-        run = MoveRun(self, moves, by=self._label, uncertain_m=uncertain_m)
-        self._runs = [each for each in self._runs if not each.is_over]
-        self._runs.append(run)
-        return run
-
     async def finished(self) -> bool:
         """Wait until the latest command has ended, its zeros included.
 
@@ -381,17 +341,10 @@ class AsyncRobot(NewestSamples, RobotMoves):
             ValueError: ``depth`` is below 1, or a daemon publishes no such message.
         """
         kept = depth_of(message, depth)
-        stream = Samples(message, kept, lambda at_ns: self._judge_age(message, kept, at_ns))
-        subscription = self.bus.subscribe(
-            key_of(message), stream.receive, depth=kept, max_bytes=MAX_BYTES
+        stream = Samples(
+            self.bus, message, kept, lambda at_ns: self._judge_age(message, kept, at_ns)
         )
-
-        def end() -> None:
-            subscription.close()
-            self._streams.remove(stream)
-
-        stream.attach(end)
-        self._streams.append(stream)
+        self._streams = [*(each for each in self._streams if each.is_open), stream]
         return stream
 
     def _judge_age(self, message: type[msgspec.Struct], depth: int, arrived_ns: int) -> None:
@@ -453,145 +406,45 @@ class AsyncRobot(NewestSamples, RobotMoves):
         samples = (read_sample(payload, message) for payload in payloads)
         return next((sample for sample in samples if sample is not None), None)
 
-    # Services.
 
-    async def ask(
-        self, key: str, payload: bytes = b"{}", *, timeout_s: float = 1.5, urgent: bool = False
-    ) -> list[bytes]:
-        """Query any key below the namespace; the payload of each answer."""
-        bus = self.bus
-        return await ask(bus.session, bus.key(key), payload, timeout_s=timeout_s, urgent=urgent)
+def connect(
+    endpoint: str | Sequence[str] = ENDPOINT,
+    *,
+    namespace: str = "",
+    source: str | None = None,
+    label: str = "",
+    deadman_s: float = DEADMAN_S,
+    rate_hz: float = RATE_HZ,
+    wait_s: float = WAIT_S,
+    zenoh_file: str | Path | None = None,
+) -> AsyncRobot:
+    """Make a robot for asyncio, to be entered by ``async with``.
 
-    async def request(
-        self, key: str, payload: bytes = b"{}", *, timeout_s: float = 1.5, urgent: bool = False
-    ) -> Answer:
-        """Ask a service; return the outcome, also if it refuses."""
-        return read_answers(await self.ask(key, payload, timeout_s=timeout_s, urgent=urgent))
+    Entering waits for the daemon; leaving stops the robot, also after an exception. In between a
+    lost connection reconnects by itself.
 
-    async def call(
-        self, key: str, payload: bytes = b"{}", *, timeout_s: float = 1.5, urgent: bool = False
-    ) -> Answer:
-        """Ask a service; return the outcome, or raise if it is not done.
+    Args:
+        endpoint: The address of the daemon or its router, or several of them.
+        namespace: The robot's, as in the section ``[zenoh]`` of its configuration.
+        source: The key to command on; the daemon's ``[command.sources]`` gives it its priority.
+            Default: ``cmd_vel``; with a person's file of a fleet, ``cmd_vel/NAME``.
+        label: Who commands, for people who read the daemon's status.
+        deadman_s: How long a command without ``for_s`` lasts, in seconds.
+        rate_hz: How often a command is repeated. The daemon stops the robot after 0.5 s of silence.
+        wait_s: How long entering waits for the daemon, in seconds; 0: one try, ``math.inf``:
+            without limit.
+        zenoh_file: A JSON5 file of Zenoh's, for certificates and passwords.
 
-        Raises:
-            NoDaemon: No daemon answers within ``timeout_s`` seconds.
-            Refused: A daemon refused; the message has the reason.
-        """
-        return self._done(await self.request(key, payload, timeout_s=timeout_s, urgent=urgent))
-
-    async def ask_by_name(self, key: str, payload: bytes = b"{}") -> tuple[list[bytes], str]:
-        """Query a service that changes something; in a fleet by the key that proves who asks.
-
-        The name is that of the person's file (``zenoh_file``). If no daemon answers on this key,
-        the common one is asked. The emergency stop waits for no answer: it is asked for on both
-        keys at once.
-
-        Returns:
-            The payload of each answer, and a sentence if they prove no name although there is one.
-        """
-        stops = key == keys.ESTOP
-        if not self._person:
-            return await self.ask(key, payload, urgent=stops), ""
-        own = keys.own_key(key, self._person)
-        if stops:
-            bus = self.bus
-            in_full = (bus.key(own), bus.key(key))
-            named, common = await ask_urgently(bus.session, in_full, payload)
-        else:
-            named = await self.ask(own, payload)
-            common = [] if named else await self.ask(key, payload)
-        unproven = ""
-        if len(named) < len(common):
-            which = "not every daemon" if named else "nothing"
-            unproven = f"Asked without a proven name: {which} answers on {own}."
-        return which_count(named, common), unproven
-
-    async def request_by_name(self, key: str, payload: bytes = b"{}") -> Answer:
-        """Ask as :meth:`ask_by_name` does; the message tells if no name is proven."""
-        payloads, unproven = await self.ask_by_name(key, payload)
-        answer = read_answers(payloads)
-        words = f"{answer.message} {unproven}".rstrip()
-        return msgspec.structs.replace(answer, message=words)
-
-    def _done(self, answer: Answer) -> Answer:
-        if not answer.answered:
-            raise self._connection.no_daemon()
-        if not answer.success:
-            raise Refused(answer.message)
-        return answer
-
-    async def estop(self, by: str = "") -> str:
-        """Engage the emergency stop of every daemon there; it stays until :meth:`release`.
-
-        Args:
-            by: Who or what asks, for people. Default: the client's label, else the name and the
-                number of this process.
-
-        Returns:
-            The daemon's acknowledgement.
-
-        Raises:
-            NoDaemon: No daemon acknowledged it. Switch the motors' supply off.
-            Refused: A daemon answered that it did not engage, or could not send it to the board.
-        """
-        if self.commanded is not None:
-            self.stop()
-        payload = estop_payload(by or self._label)
-        return self._done(await self.request_by_name(keys.ESTOP, payload)).message
-
-    async def release(self) -> str:
-        """Release the emergency stop, and clear a fault; returns the daemon's words.
-
-        Raises:
-            NoDaemon: No daemon answers.
-            Refused: A source commanded motion within the last second.
-        """
-        return self._done(await self.request_by_name(keys.ESTOP_RESET)).message
-
-    async def reset_odometry(self) -> str:
-        """Make the pose zero; returns the daemon's words."""
-        return self._done(await self.request_by_name(keys.ODOMETRY_RESET)).message
-
-    async def set_pose(
-        self, x: float, y: float, theta: float, *, covariance: Sequence[float] | None = None
-    ) -> str:
-        """Make odometry continue from this pose; returns the daemon's words.
-
-        Args:
-            x: Metres.
-            y: Metres.
-            theta: Radians, counter-clockwise.
-            covariance: Nine numbers over (x, y, theta), row by row; None: known exactly.
-
-        Raises:
-            Refused: A number is out of range, or the covariance is not a valid one.
-        """
-        given = None if covariance is None else tuple(float(each) for each in covariance)
-        wanted = SetPoseRequest(x=x, y=y, theta=theta, covariance=given)  # type: ignore[arg-type]
-        payload = encode(wanted, "json")
-        return self._done(await self.request_by_name(keys.ODOMETRY_SET_POSE, payload)).message
-
-    async def config(self) -> dict[str, Any]:
-        """The daemon's configuration in effect, by section and key."""
-        return (await self.call(keys.CONFIG)).data
-
-    async def board(self) -> dict[str, Any]:
-        """What the daemon knows of the board: firmware, settings, problems.
-
-        Raises:
-            Refused: No board is connected.
-        """
-        return (await self.call(keys.BOARD)).data
-
-
-def estop_payload(by: str = "") -> bytes:
-    """The payload that engages the e-stop, with the name of who asks; default: this process.
-
-    A name that is too long for the daemon is cut.
+    Raises:
+        ValueError: An argument is out of range.
+        NoDaemon: (On entering) no daemon answers there in time; the message includes a remedy.
+        BusError: (On entering) the endpoint, the namespace or the file cannot be used.
     """
-    program = os.path.basename(sys.argv[0]) if sys.argv else ""
-    named = program not in {"", "-c"}
-    by = by or f"{program if named else 'python'} (pid {os.getpid()})"
-    while len(payload := encode(EstopRequest(by=by), "json")) > READ_BYTES:
-        by = by[:-1]
-    return payload
+    return AsyncRobot(
+        client_options(endpoint, namespace=namespace, zenoh_file=zenoh_file),
+        source=source,
+        label=label,
+        deadman_s=deadman_s,
+        rate_hz=rate_hz,
+        wait_s=wait_s,
+    )

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
 
-from yahboomd.client.streams import read_sample
+from yahboomd.client.streams import MAX_BYTES, read_sample
 from yahboomd.core.bus import keys
 from yahboomd.core.bus.blocking import bounded
 from yahboomd.core.bus.bus import Bus
@@ -26,14 +27,35 @@ from yahboomd.core.names import is_local
 
 log = logging.getLogger("yahboomd.client")
 
+ENDPOINT = "tcp/127.0.0.1:7448"
+"""A daemon's default endpoint, for this machine only."""
+
 RETRY_S = 0.25
 LOOK_S = 0.25
 
 PATIENCE_S = 2.0
 """Without a status for this time no daemon is there: it publishes one twice a second."""
 
-MAX_BYTES = 1 << 18
-"""The largest sample that a client takes: a status with every counter has some kilobytes."""
+
+def client_options(
+    endpoint: str | Sequence[str], *, namespace: str = "", zenoh_file: str | Path | None = None
+) -> BusOptions:
+    """The options of a client's session.
+
+    Args:
+        endpoint: The address of the daemon or its router, or several of them.
+        namespace: The robot's.
+        zenoh_file: A JSON5 file of Zenoh's: certificates, passwords. Access control is enforced by
+            the daemon.
+    """
+    return BusOptions(
+        mode="client",
+        listen=(),
+        connect=(endpoint,) if isinstance(endpoint, str) else tuple(endpoint),
+        namespace=namespace,
+        config_file=Path(zenoh_file) if zenoh_file else None,
+        enforces=False,
+    )
 
 
 class Connection:

@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 import msgspec
 
-from yahboomd.client.async_robot import DEADMAN_S, ENDPOINT, RATE_HZ, WAIT_S, AsyncRobot
+from yahboomd.client.async_robot import DEADMAN_S, RATE_HZ, WAIT_S, AsyncRobot, connect
 from yahboomd.client.commanding import Counters
-from yahboomd.client.connecting import connect
+from yahboomd.client.connection import ENDPOINT
 from yahboomd.client.endings import Endings, shorten
-from yahboomd.client.move_messages import Move
-from yahboomd.client.plain_move_run import PlainMoveRun
+from yahboomd.client.move_messages import Move, MoveSample
+from yahboomd.client.robot_moves import MoveRun
 from yahboomd.client.streams import NewestSamples, Samples
 from yahboomd.core.clock import timeout
 from yahboomd.core.errors import BusError, NoDaemon
@@ -374,3 +374,52 @@ class Robot(NewestSamples):
     set_pose = _waiting(AsyncRobot.set_pose)
     config = _waiting(AsyncRobot.config)
     board = _waiting(AsyncRobot.board)
+
+
+class PlainMoveRun:
+    """Moves in a row: ``with robot.moves(...) as run:``, made by ``Robot.moves``.
+
+    Entering asks for them; leaving ends them, if they are not over. ``for progress in run:``
+    follows them to their end.
+
+    Args:
+        run: The same for asyncio.
+        wait: Waits for a coroutine in the thread of the robot.
+    """
+
+    def __init__(self, run: MoveRun, wait: Callable[[Coroutine[Any, Any, Any]], Any]) -> None:
+        self._run = run
+        self._wait = wait
+
+    def __enter__(self) -> Self:
+        self._wait(self._run.start())
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        # A robot that was closed meanwhile has ended them.
+        with suppress(BusError):
+            self._wait(self._run.end())
+
+    def __iter__(self) -> Iterator[MoveSample]:
+        async def following() -> MoveSample | None:
+            return await anext(self._run, None)
+
+        while (sample := self._wait(following())) is not None:
+            yield sample
+
+    def finished(self) -> MoveSample:
+        """Wait for the goal; raises as ``MoveRun.finished`` does."""
+        sample: MoveSample = self._wait(self._run.finished())
+        return sample
+
+    def pause(self) -> None:
+        """Make the robot stop on its way."""
+        self._wait(self._run.pause())
+
+    def resume(self) -> None:
+        """Continue paused moves."""
+        self._wait(self._run.resume())
+
+    def end(self) -> None:
+        """End the moves, if they are not over: the robot stops."""
+        self._wait(self._run.end())

@@ -131,6 +131,9 @@ def _known(facts: dict[object, object], depth: int) -> dict[object, object]:
     return found
 
 
+MAX_BYTES = 1 << 18
+"""The largest sample that a client takes: a status with every counter has some kilobytes."""
+
 KEYS: dict[type[msgspec.Struct], str] = {
     PoseSample: keys.POSE,
     TwistSample: keys.TWIST,
@@ -239,28 +242,34 @@ class Samples(Generic[Message]):
     An asynchronous iterator for one reader; it ends when the robot is left or by :meth:`close`.
 
     Args:
+        bus: An open session.
+        message: The kind.
+        depth: The length of the queue.
         taken: Called with the arrival of each sample that the reader takes, monotonic nanoseconds.
 
     Attributes:
+        is_open: Whether more may come.
         dropped: Samples that the reader or this process was too slow for.
         unreadable: Payloads that could not be decoded.
     """
 
     def __init__(
-        self, message: type[Message], depth: int, taken: Callable[[int], None] = lambda _: None
+        self,
+        bus: Bus,
+        message: type[Message],
+        depth: int,
+        taken: Callable[[int], None] = lambda _: None,
     ) -> None:
         self.dropped = 0
         self.unreadable = 0
+        self.is_open = True
         self._message = message
         self._taken = taken
         self._kept: deque[tuple[Message, int]] = deque(maxlen=depth)
         self._came = asyncio.Event()
-        self._open = True
-        self._end: Callable[[], None] | None = None
-
-    def attach(self, end: Callable[[], None]) -> None:
-        """Have ``end`` called by :meth:`close`: it ends the subscription."""
-        self._end = end
+        self._subscription = bus.subscribe(
+            key_of(message), self.receive, depth=depth, max_bytes=MAX_BYTES
+        )
 
     def receive(self, arrivals: list[Arrival]) -> None:
         """Queue the arrived samples; called on the loop."""
@@ -276,18 +285,17 @@ class Samples(Generic[Message]):
 
     def close(self) -> None:
         """End it; samples that are already queued can still be read."""
-        self._open = False
-        self._came.set()
-        end, self._end = self._end, None
-        if end is not None:
-            end()
+        if self.is_open:
+            self.is_open = False
+            self._subscription.close()
+            self._came.set()
 
     def __aiter__(self) -> Self:
         return self
 
     async def __anext__(self) -> Message:
         while not self._kept:
-            if not self._open:
+            if not self.is_open:
                 raise StopAsyncIteration
             self._came.clear()
             await self._came.wait()

@@ -11,7 +11,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from yahboomd import __version__
 from yahboomd.client import AsyncRobot
-from yahboomd.client.questions import Answer
+from yahboomd.client.services import Answer
 from yahboomd.core.bus import keys
 from yahboomd.core.bus.options import BusOptions
 from yahboomd.core.clock import Clock, Schedule

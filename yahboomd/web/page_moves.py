@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from yahboomd.client.move_messages import Move, MoveSample
-from yahboomd.client.move_run import Asking, MoveEnded, MoveRun
+from yahboomd.client.robot_moves import Asking, MoveEnded, MoveRun
 from yahboomd.core.errors import YahboomdError
 from yahboomd.core.messages.native import PoseSample
 from yahboomd.web.page_commands import Aim, PageRefusal

@@ -11,10 +11,10 @@ import msgspec
 import zenoh
 
 from yahboomd.client.commanding import ENCODING
-from yahboomd.client.connection import MAX_BYTES, Connection
+from yahboomd.client.connection import Connection
 from yahboomd.client.move_messages import START
-from yahboomd.client.questions import Answer, ask, read_answers
-from yahboomd.client.streams import STATES, Newest, read_sample, reason
+from yahboomd.client.services import Answer, ask, read_answers
+from yahboomd.client.streams import MAX_BYTES, STATES, Newest, read_sample, reason
 from yahboomd.core.bus import keys
 from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.options import BusOptions

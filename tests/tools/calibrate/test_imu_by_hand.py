@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from yahboomd.client.questions import Answer
+from yahboomd.client.services import Answer
 from yahboomd.core.config import Config, Loaded
 from yahboomd.core.errors import Refused
 from yahboomd.core.messages.native import ImuSample, StatusSample

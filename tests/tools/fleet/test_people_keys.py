@@ -3,7 +3,7 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from yahboomd.client.person import own_source
+from yahboomd.client.services import own_source
 from yahboomd.core.bus.alarms import READ_BYTES
 from yahboomd.tools.fleet.people_keys import claims_a_name, own_stop, person_of
 

@@ -16,7 +16,7 @@ from typing import Any, TypeAlias
 
 import msgspec
 
-from yahboomd.client.person import FLEET, own_source
+from yahboomd.client.services import FLEET, own_source
 from yahboomd.core.config import Config
 from yahboomd.core.errors import ConfigError
 from yahboomd.tools.fleet.authority import Authority, Issued, end_of, make_authority

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 
 import msgspec
 
-from yahboomd.client.person import FLEET
+from yahboomd.client.services import FLEET
 from yahboomd.core.errors import ConfigError
 from yahboomd.tools.fleet.fleet_plan import Role
 

@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 import msgspec
 import zenoh
 
-from yahboomd.client.person import own_source
+from yahboomd.client.services import own_source
 from yahboomd.core.bus import keys
 from yahboomd.core.bus.keys import own_key
 from yahboomd.tools.fleet.fleet_plan import (

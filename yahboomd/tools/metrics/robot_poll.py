@@ -9,9 +9,9 @@ from typing import TypeVar
 
 import msgspec
 
-from yahboomd.client.connection import MAX_BYTES, Connection
-from yahboomd.client.questions import ask
-from yahboomd.client.streams import read_sample
+from yahboomd.client.connection import Connection
+from yahboomd.client.services import ask
+from yahboomd.client.streams import MAX_BYTES, read_sample
 from yahboomd.core.bus import keys
 from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.options import BusOptions

@@ -25,11 +25,11 @@ def client_options(endpoints: tuple[str, ...], config: Config) -> BusOptions:
     """Options for a client of the daemon that a configuration describes."""
     import logging
 
-    from yahboomd.client import connecting
+    from yahboomd.client import connection
 
     # Commands report these things themselves, in their own words.
     logging.getLogger("yahboomd.client").addHandler(logging.NullHandler())
     zenoh = config.zenoh
-    return connecting.client_options(
+    return connection.client_options(
         endpoints, namespace=zenoh.namespace, zenoh_file=zenoh.config or None
     )

@@ -7,8 +7,7 @@ import math
 from typing import Self
 
 from yahboomd.client import AsyncRobot
-from yahboomd.client.connection import MAX_BYTES
-from yahboomd.client.streams import Newest
+from yahboomd.client.streams import MAX_BYTES, Newest
 from yahboomd.core.bus import keys
 from yahboomd.core.bus.options import BusOptions
 from yahboomd.core.bus.presence import Neighbour
