@@ -21,6 +21,7 @@ from yahboomd.core.daemon.logs import (
     RepeatFilter,
     configure,
     flush,
+    status_values,
 )
 
 
@@ -79,14 +80,18 @@ def test_a_reader_that_stopped_reading_is_not_waited_for(log: logging.Logger) ->
             log.debug("line %d", number)
         os.set_blocking(reading, False)
         text = b""
-        while b"lines were lost" not in text or b"line 0" not in text:
+        while b"more" not in text:
             with contextlib.suppress(BlockingIOError):
                 text = (text + os.read(reading, 1 << 16)).lstrip(b".")
-            # The first line after the gap reports it.
             log.debug("more")
         # The thread that writes may be stuck with a line; this lets it go.
         os.close(reading)
         flush()
+    # The first line after the gap reports it.
+    before, gap, after = text.partition(b" lines were lost here: they were not read)\n")
+    assert gap
+    assert b" line 0\n" in before
+    assert b" line " not in after
 
 
 def test_a_reader_that_is_gone_does_no_harm(log: logging.Logger) -> None:
@@ -200,6 +205,7 @@ def test_a_line_that_cannot_be_written_raises_nothing_and_the_next_ones_are(
         handler.addFilter(RepeatFilter())
         wrong = logging.LogRecord("x", logging.INFO, "f", 1, "%d wheels", ("four",), None)
         right = logging.LogRecord("x", logging.INFO, "f", 1, "%d wheels", (4,), None)
+        handler.writer.start()
         handler.handle(wrong)
         handler.handle(right)
         handler.flush()
@@ -209,14 +215,14 @@ def test_a_line_that_cannot_be_written_raises_nothing_and_the_next_ones_are(
     assert lines[1] == "4 wheels"
 
 
-def test_without_room_for_its_thread_a_line_raises_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_without_room_for_its_thread_a_line_raises_nothing_and_is_counted(
+    log: logging.Logger, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refused(_self: threading.Thread) -> None:
         raise RuntimeError("can't start new thread")
 
     monkeypatch.setattr(threading.Thread, "start", refused)
-    with (tmp_path / "log").open("w") as stream:
-        handler = PatientHandler(stream)
-        handler.handle(logging.LogRecord("x", logging.INFO, "f", 1, "words", None, None))
-    assert handler.broken == 1
+    configure("debug", {}, io.StringIO())
+    for number in range(LINES + 3):
+        log.debug("line %d", number)
+    assert status_values()["log_lines_lost"] == 3

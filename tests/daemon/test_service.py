@@ -265,6 +265,7 @@ async def test_a_bus_and_a_log_that_take_nothing_hold_up_neither_command_nor_sto
         write = hold  # type: ignore[assignment]
 
     handler = PatientHandler(Unread())
+    handler.writer.start()
     logging.getLogger("yahboomd").addHandler(handler)
     publisher = running.daemon._publisher
     every = [
@@ -281,7 +282,7 @@ async def test_a_bus_and_a_log_that_take_nothing_hold_up_neither_command_nor_sto
         until_s = asyncio.get_running_loop().time() + HELD_S
         while asyncio.get_running_loop().time() < until_s:
             await follow_and_stop(running)
-        assert handler._lines.unfinished_tasks > 0
+        assert handler.queue.unfinished_tasks > 0
         # 256 samples wait, and the others are lost.
         await eventually(lambda: sum(each.counters.errors for each in every) > 0)
     finally:

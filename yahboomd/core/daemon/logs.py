@@ -14,9 +14,9 @@ import logging
 import os
 import queue
 import re
-import threading
 from collections import OrderedDict
 from collections.abc import Mapping
+from logging.handlers import QueueHandler, QueueListener
 from typing import TextIO
 
 from yahboomd.core.program import pasteable, readable
@@ -38,22 +38,21 @@ FLUSH_S = 1.0
 """The longest that the end of the process waits for a reader."""
 
 
-class PatientHandler(logging.Handler):
+class PatientHandler(QueueHandler):
     """Hands its lines to a thread.
 
     Args:
-        stream: The stream of the log. One with a descriptor is written past Python's buffer, whose
-            lock a waiting thread would hold at the interpreter's end.
+        stream: The stream of the log.
     """
 
+    queue: queue.Queue[logging.LogRecord]
+
     def __init__(self, stream: TextIO) -> None:
-        super().__init__()
-        self._stream = stream
-        self._lines: queue.Queue[str] = queue.Queue(LINES)
-        self._thread: threading.Thread | None = None
+        super().__init__(queue.Queue(LINES))
+        self.writer = LineWriter(self.queue, stream)
         self.lost = 0
-        self.all_lost = 0
         self.broken = 0
+        self._reported = 0
 
     def handle(self, record: logging.LogRecord) -> bool:
         """Take a line; never raises, because its caller may be about to stop wheels.
@@ -65,54 +64,55 @@ class PatientHandler(logging.Handler):
             return super().handle(record)
         except Exception as error:  # noqa: BLE001 - a line is worth less than what logs it
             self.broken += 1
-            with contextlib.suppress(Exception):
-                words = f"(a line was lost: {type(error).__name__}) {record.msg!r:.200}\n"
-                self._lines.put_nowait(words)
-                self._begin()
+            words = f"(a line was lost: {type(error).__name__}) {record.msg!r:.200}"
+            self.enqueue(logging.makeLogRecord({"msg": words}))
             return False
 
     def emit(self, record: logging.LogRecord) -> None:
+        # QueueHandler's own would write what fails to stderr, and wait for its reader.
+        self.enqueue(self.prepare(record))
+
+    def enqueue(self, record: logging.LogRecord) -> None:
+        """Queue a formatted line; the first one after a gap reports the gap."""
+        if missing := self.lost - self._reported:
+            record.msg = f"({missing} lines were lost here: they were not read)\n{record.msg}"
         try:
-            self._lines.put_nowait(self.format(record) + "\n")
+            self.queue.put_nowait(record)
+            self._reported = self.lost
         except queue.Full:
             self.lost += 1
-        self._begin()
-
-    def _begin(self) -> None:
-        if self._thread is None:
-            thread = threading.Thread(target=self._run, name="log", daemon=True)
-            thread.start()
-            self._thread = thread
 
     def flush(self) -> None:
         """Wait until all is written, a second at most."""
-        written = self._lines.all_tasks_done
+        written = self.queue.all_tasks_done
         with written:
-            written.wait_for(lambda: not self._lines.unfinished_tasks, FLUSH_S)
+            written.wait_for(lambda: not self.queue.unfinished_tasks, FLUSH_S)
 
-    def _run(self) -> None:
-        try:
-            fd = self._stream.fileno()
-        except (OSError, ValueError):
-            fd = None
-        while True:
-            line = self._lines.get()
-            lost, self.lost = self.lost, 0
-            self.all_lost += lost
-            if lost:
-                line = f"({lost} lines were lost here: they were not read)\n{line}"
-            # A reader that is gone cannot be warned.
-            with contextlib.suppress(OSError, ValueError):
-                self._write(fd, line)
-            self._lines.task_done()
 
-    def _write(self, fd: int | None, line: str) -> None:
-        if fd is None:
-            self._stream.write(line)
-            return
-        data = line.encode(errors="backslashreplace")
-        while data:
-            data = data[os.write(fd, data) :]
+class LineWriter(QueueListener):
+    """Writes lines in a thread, which may have to wait for their reader.
+
+    Args:
+        stream: One with a descriptor is written past Python's buffer, whose lock a waiting thread
+            would hold at the interpreter's end.
+    """
+
+    def __init__(self, lines: queue.Queue[logging.LogRecord], stream: TextIO) -> None:
+        super().__init__(lines)
+        self._stream = stream
+
+    def handle(self, record: logging.LogRecord) -> None:
+        line = f"{record.msg}\n"
+        # A reader that is gone cannot be warned.
+        with contextlib.suppress(OSError, ValueError):
+            try:
+                fd = self._stream.fileno()
+            except OSError:
+                self._stream.write(line)
+                return
+            data = line.encode(errors="backslashreplace")
+            while data:
+                data = data[os.write(fd, data) :]
 
 
 class TerminalFormatter(logging.Formatter):
@@ -150,6 +150,9 @@ def configure(level: str, environ: Mapping[str, str], stream: TextIO) -> None:
     root.propagate = False
     # asyncio reports uncaught errors; such a line must reach the same reader.
     logging.getLogger("asyncio").handlers[:] = [handler]
+    # Without room for a thread, lines are lost and counted; the process checks its limits itself.
+    with contextlib.suppress(RuntimeError):
+        handler.writer.start()
 
 
 def status_values() -> dict[str, int]:
@@ -157,7 +160,7 @@ def status_values() -> dict[str, int]:
     handlers = logging.getLogger("yahboomd").handlers
     ours = [each for each in handlers if isinstance(each, PatientHandler)]
     return {
-        "log_lines_lost": sum(each.all_lost + each.lost for each in ours),
+        "log_lines_lost": sum(each.lost for each in ours),
         "log_lines_broken": sum(each.broken for each in ours),
     }
 
