@@ -56,13 +56,13 @@ def test_a_number_is_used_once_however_the_clock_is_set(tmp_path):
     assert "19700101" in second.name
 
 
-@pytest.mark.parametrize("at", ["_write", "link"])
+@pytest.mark.parametrize("at", ["fsync", "link"])
 def test_a_disk_that_fills_up_leaves_nothing_of_a_box(tmp_path, monkeypatch, at):
     def full(*_arguments):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     save(tmp_path)
-    monkeypatch.setattr(*((room, "_write") if at == "_write" else (os, "link")), full)
+    monkeypatch.setattr(os, at, full)
     with pytest.raises(OSError, match="No space"):
         save(tmp_path)
     assert len(list(tmp_path.iterdir())) == 1
@@ -77,7 +77,7 @@ def test_the_last_megabytes_of_a_disk_are_left_to_others(tmp_path, monkeypatch):
 
 
 def test_what_a_killed_daemon_left_half_written_goes_after_a_while(tmp_path):
-    old, new = tmp_path / ".unfinished-1", tmp_path / ".unfinished-2"
+    old, new = tmp_path / ".1.blackbox.a", tmp_path / ".2.blackbox.b"
     for path, age_s in ((old, 3600), (new, 1)):
         path.write_bytes(b"half")
         os.utime(path, (WALL_NS / 1e9 - age_s,) * 2)

@@ -8,10 +8,10 @@ import os
 import threading
 import tty
 from pathlib import Path
-from urllib.parse import quote
 
 import pytest
 
+from yahboomd.core import atomic_write
 from yahboomd.core.clock import SystemClock
 from yahboomd.core.config import Config, read
 from yahboomd.core.daemon import assembly
@@ -135,10 +135,12 @@ async def test_how_the_port_was_opened_is_noted_for_the_stop_after_a_kill(tmp_pa
     )
 
 
-async def test_a_disk_that_hangs_under_the_note_holds_up_one_thread(tmp_path: Path) -> None:
+async def test_a_disk_that_hangs_under_the_note_holds_up_one_thread(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    disk = threading.Event()
+    monkeypatch.setattr(atomic_write, "write_atomic", lambda *_, **__: disk.wait())
     master, slave = os.openpty()
-    note = tmp_path / f"port@{quote(os.ttyname(slave), safe='')}.{os.getpid()}.new"
-    os.mkfifo(note)
     open_it = assembly.opener(
         config(f"serial.port={os.ttyname(slave)}"),
         SystemClock(),
@@ -147,7 +149,7 @@ async def test_a_disk_that_hangs_under_the_note_holds_up_one_thread(tmp_path: Pa
     for _ in range(3):
         (await open_it()).close()
     assert [each.name for each in threading.enumerate()].count("port-note") == 1
-    os.close(os.open(note, os.O_RDONLY | os.O_NONBLOCK))
+    disk.set()
     os.close(slave)
     os.close(master)
 

@@ -1,5 +1,6 @@
 """The daemon's note for the process that stops the wheels after it."""
 
+import errno
 import json
 import os
 import subprocess
@@ -8,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from yahboomd.core import atomic_write
 from yahboomd.core.link.port_identity import Device
 from yahboomd.core.link.port_note import PortNote, end, folder_of, read, write
 
@@ -76,12 +78,14 @@ def test_of_several_folders_the_first_is_used() -> None:
     assert read("") == []
 
 
-def test_where_no_file_can_be_made_the_note_of_before_is_overwritten(tmp_path: Path) -> None:
-    before = NOTE._replace(pid=1, ended=True, listen=("tcp/[::1]:1", "tcp/[::1]:2"))
-    write(before, str(tmp_path))
-    (place,) = tmp_path.iterdir()
-    # As on a full disk: no other file can be made beside it.
-    Path(f"{place}.{os.getpid()}.new").mkdir()
+def test_on_a_full_disk_the_note_of_before_is_overwritten(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "full")
+
+    write(NOTE._replace(pid=1, ended=True, listen=("tcp/[::1]:1", "tcp/[::1]:2")), str(tmp_path))
+    monkeypatch.setattr(atomic_write, "write_atomic", full)
     assert write(NOTE, str(tmp_path))
     assert read(str(tmp_path)) == [NOTE]
 

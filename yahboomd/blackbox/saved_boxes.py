@@ -10,12 +10,12 @@ import contextlib
 import errno
 import os
 import re
-import secrets
 import stat
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
 
+from yahboomd.core.atomic_write import write_atomic
 from yahboomd.core.model import NS_PER_S
 
 FILES_MOST = 20
@@ -29,7 +29,7 @@ _NAME = re.compile(
     r"(?P<number>\d{6,})_(?P<stamp>\d{8}T\d{6}Z)_(?P<reason>[a-z_]+)"
     r"(\.(?P<robot>[A-Za-z0-9-]+))?\.blackbox"
 )
-_UNFINISHED = ".unfinished-"
+_UNFINISHED = f".*{SUFFIX}.*"
 _UNFINISHED_NS = 600 * NS_PER_S
 
 
@@ -86,48 +86,19 @@ def save_box(folder: Path, data: bytes, *, reason: str, wall_ns: int, robot: str
         raise OSError(errno.ENOSPC, f"less than {ROOM_BYTES >> 20} MiB are free", str(folder))
     _make_room(folder, len(data))
     stamp = datetime.fromtimestamp(wall_ns * 1e-9, UTC).strftime("%Y%m%dT%H%M%SZ")
-    unfinished = folder / f"{_UNFINISHED}{secrets.token_hex(4)}"
-    try:
-        _write(unfinished, data)
-        number = max((box.number for box in saved_boxes(folder)), default=0)
-        while True:
-            number += 1
-            path = folder / f"{number:06}_{stamp}_{reason}{robot and f'.{robot}'}{SUFFIX}"
-            # Another daemon may save into the same folder.
-            if any(box.number == number for box in saved_boxes(folder)):
-                continue
-            with contextlib.suppress(FileExistsError):
-                os.link(unfinished, path)
-                break
-    finally:
-        with contextlib.suppress(OSError):
-            os.unlink(unfinished)
-    _sync_names(folder)
-    return path
 
+    def is_last(_: Path) -> None:
+        # Another daemon may have saved into the same folder.
+        if any(box.number >= number for box in saved_boxes(folder)):
+            raise FileExistsError
 
-def _write(path: Path, data: bytes) -> None:
-    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
-    fd = os.open(path, flags, 0o640)
-    try:
-        os.fchmod(fd, 0o640)
-        view = memoryview(data)
-        while view:
-            view = view[os.write(fd, view) :]
-        os.fsync(fd)
-    finally:
-        os.close(fd)
-
-
-def _sync_names(folder: Path) -> None:
-    """A robot that has stopped for a reason is often switched off next."""
-    fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-    try:
-        # Some file systems have no fsync of a folder.
-        with contextlib.suppress(OSError):
-            os.fsync(fd)
-    finally:
-        os.close(fd)
+    while True:
+        number = max((box.number for box in saved_boxes(folder)), default=0) + 1
+        path = folder / f"{number:06}_{stamp}_{reason}{robot and f'.{robot}'}{SUFFIX}"
+        with contextlib.suppress(FileExistsError):
+            # A robot that has stopped for a reason is often switched off next.
+            write_atomic(path, data, mode=0o640, check=is_last, replace=False)
+            return path
 
 
 def _make_room(folder: Path, size: int) -> None:
@@ -141,7 +112,7 @@ def _make_room(folder: Path, size: int) -> None:
 
 
 def _sweep(folder: Path, wall_ns: int) -> None:
-    for path in folder.glob(f"{_UNFINISHED}*"):
+    for path in folder.glob(_UNFINISHED):
         with contextlib.suppress(FileNotFoundError):
             if wall_ns - path.stat().st_mtime_ns > _UNFINISHED_NS:
                 path.unlink()

@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 import yahboomd
+from yahboomd.core.atomic_write import write_atomic
 from yahboomd.core.errors import Refused
 from yahboomd.core.program import install_command
 from yahboomd.tools.metrics.http_listener import Place
 from yahboomd.tools.service import install_plan
 from yahboomd.tools.service.install_plan import PlannedFile
-from yahboomd.tools.whole_file import write_whole
 
 DESCRIPTION = """\
 Install the service: unit, udev rule, system user, a default /etc/yahboomd/config.toml, man pages
@@ -273,7 +273,7 @@ def _put_shared(files: list[PlannedFile], *, dry: bool) -> None:
 def _write(file: PlannedFile) -> None:
     try:
         file.path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(file.path, file.text.encode())
+        write_atomic(file.path, file.text.encode())
     except OSError as error:
         raise Refused(
             f"{file.path} cannot be written: {error.strerror}.",

@@ -18,10 +18,10 @@ from typing import Literal, TypeAlias, TypeVar
 
 import msgspec
 
+from yahboomd.core.atomic_write import write_atomic
 from yahboomd.core.clock import Clock
 from yahboomd.core.errors import ConfigError
 from yahboomd.core.model import NS_PER_S
-from yahboomd.tools.whole_file import write_whole
 from yahboomd.web.page_frames import Role
 
 T = TypeVar("T")
@@ -66,7 +66,7 @@ def keep(folder: Path, name: str, content: bytes) -> None:
     folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     its = folder.stat()
     owner = (its.st_uid, its.st_gid) if os.geteuid() == 0 else None
-    write_whole(folder / name, content, mode=0o600, owner=owner)
+    write_atomic(folder / name, content, mode=0o600, owner=owner)
 
 
 def read_private(path: Path, kind: type[T]) -> T | None:

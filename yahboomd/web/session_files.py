@@ -14,7 +14,7 @@ from pathlib import Path
 
 import msgspec
 
-from yahboomd.tools.whole_file import sync_folder
+from yahboomd.core.atomic_write import sync_folder
 from yahboomd.web.entry_tokens import keep, read_private, use_up
 from yahboomd.web.page_frames import Role
 

@@ -100,20 +100,19 @@ def _alive(pid: int) -> bool:
 
 
 def _put(place: str, note: PortNote) -> None:
-    beside = f"{place}.{os.getpid()}.new"
-    text = text_of(note)
+    from pathlib import Path
+
+    from yahboomd.core.atomic_write import write_atomic
+
+    data = text_of(note).encode()
     try:
-        with open(beside, "w", encoding="utf-8") as file:
-            file.write(text)
-        os.replace(beside, place)
+        write_atomic(Path(place), data)
     except OSError:
-        if os.path.isfile(beside):
-            os.unlink(beside)
         # On a full disk the old note has room for this one; unchanged, it may state that the
         # wheels stand.
         fd = os.open(place, os.O_WRONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
         try:
-            os.ftruncate(fd, os.write(fd, text.encode()))
+            os.ftruncate(fd, os.write(fd, data))
         finally:
             os.close(fd)
 
@@ -124,9 +123,7 @@ def _found(folder: str) -> list[tuple[str, PortNote]]:
     except OSError:
         return []
     places = [
-        os.path.join(folder, name)
-        for name in names
-        if name.startswith((f"{NAME}@", f"{NAME}.")) and name[-4:] != ".new"
+        os.path.join(folder, name) for name in names if name.startswith((f"{NAME}@", f"{NAME}."))
     ]
     return [(place, note) for place in places if (note := _note(place)) is not None]
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from yahboomd.core.atomic_write import sync_folder, write_atomic
 from yahboomd.core.config.calibration_file import LARGEST_BYTES, Calibration, read_calibration
 from yahboomd.core.config.reading import read_named
 from yahboomd.core.config.values import inline
 from yahboomd.core.errors import ConfigError
-from yahboomd.tools.whole_file import sync_folder, write_whole
 
 PREVIOUS = "calibration.previous.toml"
 
@@ -34,8 +34,8 @@ def write_calibration(path: Path, calibration: Calibration) -> None:
         if os.path.lexists(path):
             # A copy, since a link to another user's file may be forbidden.
             before = read_named(path, LARGEST_BYTES, wait_s=0)
-            write_whole(path.with_name(PREVIOUS), before)
-        write_whole(path, "\n".join([*lines, ""]).encode())
+            write_atomic(path.with_name(PREVIOUS), before)
+        write_atomic(path, "\n".join([*lines, ""]).encode())
     except OSError as error:
         raise _unwritable(path, error.strerror) from error
 

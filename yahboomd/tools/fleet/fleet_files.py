@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import base64
 import json
-import os
 from collections.abc import Callable, Iterable
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import Any, TypeAlias
 import msgspec
 
 from yahboomd.client.services import FLEET, own_source
+from yahboomd.core.atomic_write import write_atomic
 from yahboomd.core.config import Config
 from yahboomd.core.errors import ConfigError
 from yahboomd.tools.fleet.authority import Authority, Issued, end_of, make_authority
@@ -374,10 +374,4 @@ def _text(content: bytes) -> str:
 def _keep(path: Path, content: bytes) -> None:
     """Replace a file by one that its owner alone can read, at once or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-    made = path.with_name(f".{path.name}.new")
-    made.unlink(missing_ok=True)
-    with os.fdopen(os.open(made, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    made.replace(path)
+    write_atomic(path, content, mode=0o600)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from yahboomd.tools.whole_file import sync_folder, write_whole
+from yahboomd.core.atomic_write import sync_folder, write_atomic
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
@@ -154,7 +154,7 @@ class McapFiles:
                 self._ended.pop(0).close()
             self._stream.sync()
             if metadata:
-                write_whole(self._folder / METADATA, metadata.encode())
+                write_atomic(self._folder / METADATA, metadata.encode())
             sync_folder(self._folder)
 
     def end(self) -> None:

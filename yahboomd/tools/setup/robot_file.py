@@ -7,6 +7,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from yahboomd.core.atomic_write import write_atomic
 from yahboomd.core.config import Config, read
 from yahboomd.core.config.values import inline
 from yahboomd.core.drive.kinematics import unit_geometry
@@ -14,7 +15,6 @@ from yahboomd.core.errors import ConfigError
 from yahboomd.core.model import Kinematics
 from yahboomd.tools.calibrate.estimates.wiring import WiredMotor, WiringFound
 from yahboomd.tools.setup.description import Description
-from yahboomd.tools.whole_file import write_whole
 
 _COMMENTS = {
     "profile": "the motors: encoder lines, gear and wheel",
@@ -89,7 +89,7 @@ def write_robot(path: Path, text: str, *, overwrite: bool) -> None:
     """
     try:
         # Check the file alone, without the environment or a calibration.
-        write_whole(
+        write_atomic(
             path, text.encode(), check=lambda made: read(made, environ={}), replace=overwrite
         )
     except FileExistsError as error:

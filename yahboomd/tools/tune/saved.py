@@ -14,11 +14,11 @@ from urllib.parse import quote
 
 import msgspec
 
+from yahboomd.core.atomic_write import sync_folder, write_atomic
 from yahboomd.core.config import Config
 from yahboomd.core.config.models import calibration_path
 from yahboomd.core.errors import ConfigError, Refused
 from yahboomd.core.protocol.settings import BoardSettings, SettingValue
-from yahboomd.tools.whole_file import sync_folder, write_whole
 
 NAME = "before-tune"
 LARGEST_BYTES = 100_000
@@ -132,7 +132,7 @@ def _write(path: Path, saved: SavedSettings, *, stays: bool = True) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         data = msgspec.json.format(msgspec.json.encode(saved), indent=2) + b"\n"
-        write_whole(path if stays else beside, data)
+        write_atomic(path if stays else beside, data)
         if not stays:
             beside.unlink()
     except OSError as error:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import os
-import tempfile
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -12,7 +11,7 @@ from pathlib import Path
 _NOT_SUPPORTED = {errno.EINVAL, errno.ENOTSUP}
 
 
-def write_whole(
+def write_atomic(
     path: Path,
     data: bytes,
     *,
@@ -23,7 +22,8 @@ def write_whole(
 ) -> None:
     """Write a file beside ``path``, and give it that name once its content is on the disk.
 
-    A link with that name is replaced, not followed.
+    A link with that name is replaced, not followed. If this process is killed, the file beside it
+    remains: a dot, the name, a dot and eight digits.
 
     Args:
         mode: Its permissions.
@@ -35,7 +35,9 @@ def write_whole(
         OSError: It cannot be written: the old one is as it was.
         FileExistsError: There is one, and it must not be replaced.
     """
-    fd, beside = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    beside = path.with_name(f".{path.name}.{os.urandom(4).hex()}")
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+    fd = os.open(beside, flags, 0o600)
     try:
         with open(fd, "wb") as file:
             os.fchmod(fd, mode)
@@ -46,7 +48,7 @@ def write_whole(
             # A disk may write the name before the content, and lose power between them.
             os.fsync(fd)
         if check is not None:
-            check(Path(beside))
+            check(beside)
         if replace:
             os.replace(beside, path)
         else:
