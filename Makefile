@@ -78,7 +78,6 @@ imports: $(VENV)/.dev ## which room may import which
 
 schemas: $(VENV)/.dev ## write schemas/, generated pages of docs/, man pages and completions
 	$(PY) -m yahboomd.tools.schemas.generate schemas
-	$(PY) -m yahboomd.tools.schemas.asyncapi schemas
 	$(PY) -m yahboomd.tools.schemas.reference_pages events > docs/events.md
 	$(PY) -m yahboomd.tools.schemas.reference_pages status > docs/status.md
 	$(PY) -m yahboomd config reference > docs/configuration.md
@@ -87,7 +86,6 @@ schemas: $(VENV)/.dev ## write schemas/, generated pages of docs/, man pages and
 
 schemas-check: $(VENV)/.dev
 	$(PY) -m yahboomd.tools.schemas.generate --check schemas
-	$(PY) -m yahboomd.tools.schemas.asyncapi --check schemas
 
 ##@ Suites that need other languages, or more time (.ci/run runs their short forms)
 .PHONY: interop interop-figures ros-programs generators clients browser firmware firmware-long metrics fuzz mutants planted-faults soak alarms
@@ -103,7 +101,7 @@ interop-figures: $(VENV)/.dev ## the same at length: latencies, losses, late joi
 ros-programs: $(VENV)/.dev ## in a sourced ROS 2: robot_state_publisher, slam_toolbox, Nav2, ros2cli and others, as installed, against simulated robots
 	$(PYTEST) -rs tests/interop/programs.py tests/interop/programs_of_two_robots.py $(ARGS)
 
-generators: $(VENV)/.dev ## types made of schemas/ by the generators of six languages read every golden sample (SHORT=1: of two); AsyncAPI's own parser reads its document
+generators: $(VENV)/.dev ## types made of schemas/ by the generators of six languages read every golden sample (SHORT=1: of two)
 	$(PYTEST) $(PARALLEL) $(TIERS) tests/generators $(ARGS)
 
 clients: $(VENV)/.dev ## build examples/clients/ in every language (once, in a cache), drive the simulated board with each (SHORT=1: those that build in moments)

@@ -26,12 +26,12 @@ from yahboomd.core.config import read
 from yahboomd.core.daemon.black_box import MakesBlackBox
 from yahboomd.core.daemon.logs import PatientHandler
 from yahboomd.core.daemon.planes import Plane
+from yahboomd.core.daemon.publisher import PUBLISHED
 from yahboomd.core.daemon.service import Daemon
 from yahboomd.core.model import STANDING_M_S
 from yahboomd.ros2.ros2_plane import Ros2Plane
 from yahboomd.simulation.memory import MemoryPort
 from yahboomd.simulation.robot import SimulatedRobot
-from yahboomd.tools.schemas.key_table import OUTPUTS
 
 pytestmark = pytest.mark.realtime
 
@@ -146,11 +146,11 @@ async def test_every_native_key_carries_its_one_type_and_encoding_with_its_qos(
     await running.state("standing")
     await running.ask("yahboomd/odometry/reset")
     # This board has no inertial sensor.
-    outputs = {key: output for key, output in OUTPUTS.items() if key != keys.IMU}
-    await eventually(lambda: {key.partition("/")[2] for key in outputs} <= set(running.samples))
-    for key, output in outputs.items():
+    published = {key: message for key, message in PUBLISHED.items() if key != keys.IMU}
+    await eventually(lambda: {key.partition("/")[2] for key in published} <= set(running.samples))
+    for key, message in published.items():
         for sample in running.samples[key.partition("/")[2]]:
-            assert str(sample.encoding) == f"application/json;{output.message.__name__}"
+            assert str(sample.encoding) == f"application/json;{message.__name__}"
             assert sample.priority == zenoh.Priority.DATA_HIGH
             assert sample.congestion_control == zenoh.CongestionControl.DROP
     for key in ("yahboomd/pose", "yahboomd/board", "yahboomd/estop"):

@@ -5,13 +5,12 @@ from __future__ import annotations
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
-from yahboomd.ros2.ros2_topics import ROS_TOPICS
+from yahboomd.ros2.messages.ros2_names import TWIST, TWIST_STAMPED
+from yahboomd.ros2.ros2_topics import RECEIVED, ROS_TOPICS
 from yahboomd.tools.record.ros_definitions import definition
-from yahboomd.tools.schemas.key_table import INPUTS
 
-TYPES = {topic.ros_type for topic in ROS_TOPICS.values()} | {
-    ros_type for each in INPUTS.values() for ros_type in each.ros_types
-}
+TYPES = {*(topic.ros_type for topic in ROS_TOPICS.values()), TWIST, TWIST_STAMPED}
+TYPES |= set(RECEIVED.values())
 
 
 @pytest.mark.parametrize("ros_type", sorted(TYPES))

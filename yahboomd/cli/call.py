@@ -8,12 +8,21 @@ import sys
 from typing import TYPE_CHECKING
 
 from yahboomd.cli.attended import add_robot_options, attend
-from yahboomd.tools.schemas.key_table import OFFERS
 
 if TYPE_CHECKING:
     from yahboomd.client import AsyncRobot
 
-SERVICES = {key.removeprefix("yahboomd/"): offer.does for key, offer in OFFERS.items()}
+SERVICES = {
+    "estop": "engages the emergency stop, and acknowledges that it was sent; "
+    "wildcards may stand before the last part of its key",
+    "estop/reset": "releases the emergency stop and clears a fault, "
+    "unless a source commanded motion within the last second",
+    "odometry/reset": "sets the pose to zero",
+    "odometry/set_pose": "sets the pose",
+    "config": "returns the configuration in effect",
+    "board": "returns the board's answers at connecting: firmware and settings",
+    "blackbox/save": "saves the black box, at most once a minute",
+}
 """Every service by its key below ``yahboomd/``, with its line in the help."""
 
 REFUSED = 1

@@ -184,8 +184,3 @@ class MoveSample(msgspec.Struct, frozen=True, kw_only=True):
     ] = ""
     message: Annotated[str, Meta(description="The same as a sentence; empty before.")] = ""
     by: Annotated[str, Meta(description="Who asked.")] = ""
-
-
-MOVE_MESSAGES: dict[str, type[msgspec.Struct]] = {
-    message.__name__: message for message in (MoveRequest, MoveBeat, MoveChoice, MoveSample)
-}

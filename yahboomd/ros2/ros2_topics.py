@@ -28,44 +28,31 @@ class RosTopic(msgspec.Struct, frozen=True, kw_only=True):
     """A topic that yahboomd publishes for ROS 2, in CDR."""
 
     ros_type: str
-    when: str
     qos: Qos = Qos(depth=10)
 
 
 ROS_TOPICS: dict[str, RosTopic] = {
-    ODOM: RosTopic(ros_type=ros2_names.ODOMETRY, when="for each new reading"),
-    TF: RosTopic(ros_type=ros2_names.TF_MESSAGE, when="for each new reading", qos=Qos(depth=100)),
+    ODOM: RosTopic(ros_type=ros2_names.ODOMETRY),
+    TF: RosTopic(ros_type=ros2_names.TF_MESSAGE, qos=Qos(depth=100)),
     TF_STATIC: RosTopic(
         ros_type=ros2_names.TF_MESSAGE,
-        when="once; to the bridge, once a second",
         qos=Qos(latched=True, depth=1),
     ),
-    JOINT_STATES: RosTopic(ros_type=ros2_names.JOINT_STATE, when="for each new reading"),
-    IMU: RosTopic(
-        ros_type=ros2_names.IMU, when="for each sample, with orientation and without bias"
-    ),
-    IMU_RAW: RosTopic(ros_type=ros2_names.IMU, when="for each sample, as the sensor shows it"),
+    JOINT_STATES: RosTopic(ros_type=ros2_names.JOINT_STATE),
+    IMU: RosTopic(ros_type=ros2_names.IMU),
+    IMU_RAW: RosTopic(ros_type=ros2_names.IMU),
     BATTERY_STATE: RosTopic(
         ros_type=ros2_names.BATTERY_STATE,
-        when="for each voltage that the board reports",
         qos=Qos(latched=True, depth=1),
     ),
     ESTOPPED: RosTopic(
         ros_type=ros2_names.BOOL,
-        when="when the emergency stop is engaged or released, and once a second",
         qos=Qos(latched=True, depth=1),
     ),
-    DIAGNOSTICS: RosTopic(
-        ros_type=ros2_names.DIAGNOSTIC_ARRAY, when="once a second, and when a level changes"
-    ),
-    ROSOUT: RosTopic(
-        ros_type=ros2_names.LOG, when="for each event", qos=Qos(latched=True, depth=1000)
-    ),
+    DIAGNOSTICS: RosTopic(ros_type=ros2_names.DIAGNOSTIC_ARRAY),
+    ROSOUT: RosTopic(ros_type=ros2_names.LOG, qos=Qos(latched=True, depth=1000)),
 }
 """The published topics, by the names that they have unless configured otherwise."""
-
-COMMAND_TYPES = (ros2_names.TWIST, ros2_names.TWIST_STAMPED)
-"""The types of commands; each source is announced with one of them."""
 
 RECEIVED: dict[str, str] = {
     keys.ESTOP: ros2_names.BOOL,

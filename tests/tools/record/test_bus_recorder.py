@@ -11,6 +11,7 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from yahboomd.core.bus.subscriptions import Arrival
+from yahboomd.core.messages.native import PoseSample, VelocityCommand
 from yahboomd.tools.record.bus_recorder import TopicRecorder
 from yahboomd.tools.record.mcap_files import McapFiles
 from yahboomd.tools.record.recorded_topics import Recorded
@@ -29,7 +30,7 @@ def arrival(payload: bytes, dropped: int = 0, arrived_ns: int = 0) -> Arrival:
 def test_samples_whose_moments_are_out_of_order_are_recorded_as_they_came(tmp_path: Path) -> None:
     native, ros = McapFiles(tmp_path, "native"), McapFiles(tmp_path, "ros2", is_bag=True)
     recorder = TopicRecorder(native, ros, lambda at_ns: at_ns + 1000)
-    topic = Recorded("yahboomd/pose", "yahboomd/pose", message="PoseSample")
+    topic = Recorded("yahboomd/pose", "yahboomd/pose", message=PoseSample)
     moments = enumerate((10, 30, 20, 40))
     recorder.take(topic, [arrival(b'{"seq": %d}' % n, arrived_ns=at) for n, at in moments])
     recorder.end()
@@ -44,7 +45,7 @@ def test_samples_whose_moments_are_out_of_order_are_recorded_as_they_came(tmp_pa
 def test_a_gap_in_the_numbers_is_counted_as_lost_and_a_new_daemon_is_not(tmp_path: Path) -> None:
     native, ros = McapFiles(tmp_path, "native"), McapFiles(tmp_path, "ros2", is_bag=True)
     recorder = TopicRecorder(native, ros, lambda at_ns: at_ns + 1)
-    topic = Recorded("yahboomd/pose", "yahboomd/pose", message="PoseSample")
+    topic = Recorded("yahboomd/pose", "yahboomd/pose", message=PoseSample)
     recorder.take(topic, [arrival(b'{"seq": %d}' % number) for number in (5, 6, 9, 1, 2)])
     recorder.take(topic, [arrival(b"no message")])
     facts = recorder.end()
@@ -67,7 +68,7 @@ def test_what_another_client_publishes_costs_no_other_sample(
 ) -> None:
     native, ros = McapFiles(tmp_path, "native"), McapFiles(tmp_path, "ros2", is_bag=True)
     recorder = TopicRecorder(native, ros, lambda at_ns: at_ns + 1)
-    topic = Recorded("cmd_vel", "cmd_vel", message="VelocityCommand")
+    topic = Recorded("cmd_vel", "cmd_vel", message=VelocityCommand)
     recorder.take(topic, [arrival(payload), arrival(b'{"vx": 0.1}')])
     facts = recorder.end()
     assert (facts["messages"], facts["unreadable"]) == (1, 1)
@@ -79,7 +80,7 @@ def test_a_disk_that_is_full_or_lost_at_the_end_is_named_and_spares_the_other_fi
 ) -> None:
     native, ros = McapFiles(tmp_path, "native"), McapFiles(tmp_path, "ros2", is_bag=True)
     recorder = TopicRecorder(native, ros, lambda at_ns: at_ns + 1)
-    poses = Recorded("yahboomd/pose", "yahboomd/pose", message="PoseSample")
+    poses = Recorded("yahboomd/pose", "yahboomd/pose", message=PoseSample)
     stopped = Recorded("estopped", "/estopped", ros_type="std_msgs/msg/Bool")
     recorder.take(poses, [arrival(b'{"seq": 1}')])
     recorder.take(stopped, [arrival(b"\0\1\0\0\1\0\0\0")])

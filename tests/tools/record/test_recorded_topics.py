@@ -8,10 +8,10 @@ import msgspec
 import pytest
 
 from yahboomd.core.config import Config, read
+from yahboomd.core.daemon.publisher import PUBLISHED
 from yahboomd.ros2.messages import ros2_encoders
 from yahboomd.ros2.ros2_topics import ROS_TOPICS
 from yahboomd.tools.record.recorded_topics import Recorded, facts_of, recorded
-from yahboomd.tools.schemas.key_table import OUTPUTS
 
 
 def by_key(*overrides: str) -> dict[str, Recorded]:
@@ -21,7 +21,7 @@ def by_key(*overrides: str) -> dict[str, Recorded]:
 
 def test_every_key_that_the_daemon_publishes_or_takes_commands_on_is_recorded() -> None:
     found = by_key()
-    assert set(found) == set(OUTPUTS) | set(ROS_TOPICS) | {
+    assert set(found) == set(PUBLISHED) | set(ROS_TOPICS) | {
         "cmd_vel",
         "cmd_vel/teleop",
         "cmd_vel/web",

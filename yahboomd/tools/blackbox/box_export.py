@@ -14,7 +14,7 @@ from yahboomd.blackbox import records
 from yahboomd.blackbox.box_file import Box
 from yahboomd.core.bus import keys
 from yahboomd.core.errors import Refused
-from yahboomd.core.messages.native import event_sample
+from yahboomd.core.messages.native import EventSample, event_sample
 from yahboomd.tools.blackbox.box_story import wall_clock
 from yahboomd.tools.record.mcap_files import Channel, McapFiles
 from yahboomd.tools.schemas.generate import schema
@@ -116,5 +116,5 @@ def _channel(key: str, message: type[msgspec.Struct]) -> Channel:
 
 @cache
 def _events() -> Channel:
-    text = json.dumps({"type": "object", **schema("EventSample")})
+    text = json.dumps({"type": "object", **schema(EventSample)})
     return Channel(keys.EVENTS, "json", "EventSample", "jsonschema", text)

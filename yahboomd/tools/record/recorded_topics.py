@@ -10,14 +10,15 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from yahboomd.core.bus import keys
+from yahboomd.core.daemon.publisher import PUBLISHED
 from yahboomd.core.messages.codecs import encoding_of
+from yahboomd.core.messages.native import EstopRequest, VelocityCommand
 from yahboomd.ros2 import ros2_topics
 from yahboomd.ros2.messages import ros2_names
 from yahboomd.ros2.messages.ros2_names import Qos
 from yahboomd.tools.record.mcap_files import Channel
 from yahboomd.tools.record.ros_definitions import definition
 from yahboomd.tools.schemas.generate import schema
-from yahboomd.tools.schemas.key_table import INPUTS, OUTPUTS
 
 if TYPE_CHECKING:
     from yahboomd.core.config import Config
@@ -36,14 +37,14 @@ class Recorded(msgspec.Struct, frozen=True):
 
     Attributes:
         topic: Its name in ROS 2, without a leading slash.
-        message: The native message's name; empty if there is none.
+        message: The native message; None if there is none.
         ros_type: The type of its CDR messages; empty if there is none.
         qos: Its quality of service in ROS 2.
     """
 
     key: str
     topic: str
-    message: str = ""
+    message: type[msgspec.Struct] | None = None
     ros_type: str = ""
     qos: Qos = Qos()
 
@@ -58,7 +59,7 @@ class Recorded(msgspec.Struct, frozen=True):
             if not self.ros_type:
                 return None
             return _ros_channel(self.topic, self.ros_type, self.qos), payload
-        if encoding is None or not self.message:
+        if encoding is None or self.message is None:
             return None
         if encoding == "msgpack":
             try:
@@ -69,10 +70,10 @@ class Recorded(msgspec.Struct, frozen=True):
 
 
 @cache
-def _json_channel(key: str, message: str) -> Channel:
+def _json_channel(key: str, message: type[msgspec.Struct]) -> Channel:
     # Readers of MCAP expect the type at the top level.
     text = json.dumps({"type": "object", **schema(message)})
-    return Channel(key, "json", message, "jsonschema", text)
+    return Channel(key, "json", message.__name__, "jsonschema", text)
 
 
 @cache
@@ -83,17 +84,13 @@ def _ros_channel(topic: str, ros_type: str, qos: Qos) -> Channel:
 
 def recorded(config: Config) -> list[Recorded]:
     """Every key that a daemon with this configuration publishes or subscribes to."""
-    found = [Recorded(key, key, message=output.message.__name__) for key, output in OUTPUTS.items()]
+    found = [Recorded(key, key, message=message) for key, message in PUBLISHED.items()]
     for source in config.command.sources:
         stamped = source in config.ros2.stamped_commands
         ros_type = ros2_names.TWIST_STAMPED if stamped else ros2_names.TWIST
-        found.append(Recorded(source, source, message="VelocityCommand", ros_type=ros_type))
-    estop = INPUTS[keys.ESTOP]
-    found.append(
-        Recorded(
-            keys.ESTOP, keys.ESTOP, message=estop.messages[0].__name__, ros_type=estop.ros_types[0]
-        )
-    )
+        found.append(Recorded(source, source, message=VelocityCommand, ros_type=ros_type))
+    ros_type = ros2_topics.RECEIVED[keys.ESTOP]
+    found.append(Recorded(keys.ESTOP, keys.ESTOP, message=EstopRequest, ros_type=ros_type))
     for name, topic in ros2_topics.ROS_TOPICS.items():
         chosen = getattr(config.ros2, RENAMED[name]) if name in RENAMED else name
         key = _ros_key(config, chosen, topic.ros_type)

@@ -16,20 +16,15 @@ from typing import Any
 
 import msgspec
 
-from yahboomd.client.move_messages import MOVE_MESSAGES
 from yahboomd.core.messages import codecs
 from yahboomd.tools.schemas import cdr_samples, event_samples, move_samples, samples
 from yahboomd.tools.schemas.event_kinds import EVENTS, KINDS
-from yahboomd.tools.schemas.samples import MESSAGES
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 PLAIN = {**samples.NATIVE, **move_samples.SAMPLES}
 """The golden samples of all messages but events with data."""
-
-BESIDE = "asyncapi.json"
-"""A file of the same folder that :mod:`yahboomd.tools.schemas.asyncapi` writes."""
 
 EXACT_IN_A_DOUBLE = 2**53
 """Type generators read a schema's numbers as doubles, which would change a larger bound."""
@@ -56,11 +51,9 @@ For programs in any language that talk to yahboomd over Zenoh. The keys, and the
 
     python -m yahboomd.tools.schemas.generate schemas            # write
     python -m yahboomd.tools.schemas.generate --check schemas    # compare
-    python -m yahboomd.tools.schemas.asyncapi schemas              # write asyncapi.json
 
 | where | what |
 |---|---|
-| `asyncapi.json` | the bus as an AsyncAPI document: keys, directions, messages, QoS, services |
 | `<Message>.json` | its JSON Schema (draft 2020-12): fields, types, units |
 | `events/<Message>.json` | an `EventSample` of kinds that carry `data`, with its types |
 | `samples/json/<Message>.json` | an example, byte for byte as it travels in JSON |
@@ -109,9 +102,10 @@ For programs in any language that talk to yahboomd over Zenoh. The keys, and the
 """
 
 
-def schema(name: str) -> dict[str, Any]:
+def schema(message: type[msgspec.Struct]) -> dict[str, Any]:
     """The JSON Schema of a message, with the message's own definition at the top level."""
-    generated = msgspec.json.schema({**MESSAGES, **MOVE_MESSAGES, **EVENTS}[name])
+    name = message.__name__
+    generated = msgspec.json.schema(message)
     definitions: dict[str, Any] = generated["$defs"]
     own: dict[str, Any] = definitions.pop(name)
     result = {"$schema": DIALECT, **own, **_EXTRA.get(name, {})}
@@ -153,7 +147,7 @@ def generated() -> dict[str, bytes]:
     files = {"README.md": _readme().encode()}
     for folder, messages in (("", PLAIN), ("events/", event_samples.SAMPLES)):
         for name, message in messages.items():
-            files[f"{folder}{name}.json"] = _pretty(schema(name))
+            files[f"{folder}{name}.json"] = _pretty(schema(type(message)))
             files[f"samples/json/{folder}{name}.json"] = codecs.encode(message, "json")
             files[f"samples/msgpack/{folder}{name}.bin"] = codecs.encode(message, "msgpack")
     for name, sample in cdr_samples.CDR.items():
@@ -199,7 +193,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     found = {
         path.relative_to(folder).as_posix(): path.read_bytes()
         for path in folder.rglob("*")
-        if path.is_file() and path.name != BESIDE
+        if path.is_file()
     }
     lines = differences(files, found)
     for line in lines:
@@ -231,7 +225,10 @@ def _kinds(event: str) -> str:
 
 
 def _readme() -> str:
-    meanings = {name: schema(name)["description"].partition("\n")[0] for name in PLAIN}
+    meanings = {
+        name: schema(type(message))["description"].partition("\n")[0]
+        for name, message in PLAIN.items()
+    }
     return _README.format(
         encodings=", ".join(f"`{name}`" for name in codecs.MEDIA_TYPES.values()),
         example=codecs.encoding_name("PoseSample", "json"),

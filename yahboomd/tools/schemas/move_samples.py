@@ -1,12 +1,10 @@
-"""The messages of `yahboomd moves`: a golden sample of each, and the keys that carry them."""
+"""A golden sample of each message of `yahboomd moves`."""
 
 from __future__ import annotations
 
 import msgspec
 
-from yahboomd.client import move_messages
 from yahboomd.client.move_messages import Move, MoveBeat, MoveChoice, MoveRequest, MoveSample
-from yahboomd.tools.schemas.key_table import COMMAND, Input, Offer, Output
 from yahboomd.tools.schemas.samples import STAMP_NS
 
 ID = "5f1c09ab"
@@ -43,33 +41,3 @@ SAMPLES: dict[str, msgspec.Struct] = {
         ),
     )
 }
-"""A golden sample of each message."""
-
-OUTPUTS = {
-    move_messages.MOVES: Output(
-        message=MoveSample, when="ten times a second while moves are driven, and at their end"
-    )
-}
-
-INPUTS = {
-    move_messages.SOURCE: COMMAND,
-    move_messages.BEAT: Input(
-        messages=(MoveBeat,),
-        ros_types=(),
-        does="shows that the client that asked for moves is there; 0.5 s without one ends them",
-    ),
-}
-
-OFFERS = {
-    move_messages.START: Offer(
-        request=MoveRequest,
-        does="has `yahboomd moves` drive moves; the reply's data has their `id`, and the `seconds` "
-        "that they take at least",
-    ),
-    move_messages.CANCEL: Offer(request=MoveChoice, does="ends moves; the robot stops"),
-    move_messages.PAUSE: Offer(
-        request=MoveChoice, does="has the robot come to rest on its way, until they are resumed"
-    ),
-    move_messages.RESUME: Offer(request=MoveChoice, does="has paused moves go on"),
-}
-"""The services of `yahboomd moves`, by key."""
