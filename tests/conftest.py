@@ -11,6 +11,7 @@ import signal
 import zlib
 from collections import defaultdict
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
+from contextlib import suppress
 from pathlib import Path
 from types import FunctionType
 from typing import Any
@@ -61,6 +62,9 @@ def pytest_configure(config: pytest.Config) -> None:
     """
     if hasattr(config, "workerinput"):
         os.setsid()
+        # Of a session the kernel takes this value for its priority, not those of its processes.
+        with suppress(OSError):
+            Path("/proc/self/autogroup").write_text(str(os.getpriority(os.PRIO_PROCESS, 0)))
 
 
 @pytest.hookimpl(wrapper=True)
