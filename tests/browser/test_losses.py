@@ -17,7 +17,7 @@ import pytest
 from chromium import Page
 from page_bench import PageBench
 
-from yahboomd.web.own_certificate import CERTIFICATE, KEY, make_certificate
+from yahboomd.web.certificate import CERTIFICATE, KEY, make_certificate
 
 pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser"), pytest.mark.nightly]
 

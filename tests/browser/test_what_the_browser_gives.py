@@ -10,7 +10,7 @@ from chromium import Page
 from page_bench import PageBench
 from real_robot import wait_for
 
-from yahboomd.web.own_certificate import CERTIFICATE, KEY, make_certificate
+from yahboomd.web.certificate import CERTIFICATE, KEY, make_certificate
 
 pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser"), pytest.mark.nightly]
 

@@ -29,9 +29,8 @@ from yahboomd.tools.record.cut_files import Cut, parts, read_from_front
 from yahboomd.tools.record.mcap_files import METADATA, ROS, Channel, McapFiles
 from yahboomd.tools.setup.robot_file import write_robot
 from yahboomd.tools.tune.saved import SavedSettings, finish, read_saved, remove, save
-from yahboomd.web.entry_tokens import keep
 from yahboomd.web.session_files import PREFIX as SESSION
-from yahboomd.web.session_files import StoredSession, end_stored, replace, stored_sessions
+from yahboomd.web.session_files import StoredSession, end_stored, keep, replace, stored_sessions
 
 ROBOT = '[serial]\nport = "/dev/ttyUSB{}"\n'
 SETTINGS = SavedSettings(made="then", port="", dialect="streamed", settings={"deadzone": 1600})

@@ -23,15 +23,10 @@ from zenoh_fixtures import PATIENCE_S, eventually
 from yahboomd.client.connection import client_options
 from yahboomd.core.clock import SystemClock
 from yahboomd.core.config import read
-from yahboomd.web.entry_tokens import digest, keep, make_entry
-from yahboomd.web.page_files import FOLDER, page_files
-from yahboomd.web.page_frames import Role
 from yahboomd.web.page_hub import PageHub
 from yahboomd.web.page_tools import ToolSettings
-from yahboomd.web.phone_sessions import PhoneSessions
-from yahboomd.web.request_origin import RequestOrigin
-from yahboomd.web.session_files import PREFIX, StoredSession
-from yahboomd.web.web_application import WebApplication
+from yahboomd.web.session_files import PREFIX, Role, StoredSession, digest, keep, make_entry
+from yahboomd.web.web_application import FOLDER, RequestOrigin, WebApplication, page_files
 from yahboomd.web.web_server import WebServer, listen
 
 ZERO = (0.0, 0.0)
@@ -158,9 +153,6 @@ class Site:
         self.port: int = self._listener.getsockname()[1]
         self.state = state / "phones"
         self.clock = clock
-        self.sessions = PhoneSessions(self.state, clock) if phones else None
-        if self.sessions is not None:
-            self.sessions.start()
         self.origin = f"{'https' if context else 'http'}://127.0.0.1:{self.port}"
         # The state directory of root is the machine's.
         files = (
@@ -176,7 +168,10 @@ class Site:
             fleet=fleet,
         )
         options = client_options(endpoint, namespace=namespace)
-        self.hub = PageHub(options, clock, tools, sessions=self.sessions)
+        self.hub = PageHub(options, clock, tools, phones=self.state if phones else None)
+        self.sessions = self.hub.sessions
+        if self.sessions is not None:
+            self.sessions.start()
         application = WebApplication(
             self.hub,
             page_files(folder),

@@ -7,7 +7,7 @@ import asyncio
 import pytest
 
 from yahboomd.simulation.virtual_time import LoopClock, VirtualTimeLoop, on_virtual_time
-from yahboomd.web.beats import KEPT, Beats
+from yahboomd.web.page_commands import KEPT, Beats
 
 
 @on_virtual_time

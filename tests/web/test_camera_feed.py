@@ -11,7 +11,7 @@ from camera_upstream import BOUNDARY, OK, CameraInMemory, jpeg, part
 from zenoh_fixtures import eventually
 
 from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
-from yahboomd.web.camera_feed import (
+from yahboomd.web.camera import (
     AT_ONCE,
     HEAD_S,
     LONGEST_PAUSE_S,

@@ -16,17 +16,20 @@ from websockets.exceptions import InvalidStatus
 from zenoh_fixtures import PATIENCE_S, eventually, free_endpoint
 
 from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
-from yahboomd.web import camera_viewers
-from yahboomd.web.camera_feed import CameraFeed
-from yahboomd.web.camera_viewers import (
+from yahboomd.web.camera import (
     ANSWER_S,
+    COUNTS,
+    COUNTS_S,
+    FULL,
     HEAD,
     IDLE_S,
     MAX_LOOKING,
     MAX_LOOKING_VIEWERS,
+    POLICY,
+    CameraFeed,
     CameraViewers,
 )
-from yahboomd.web.page_frames import Role
+from yahboomd.web.session_files import Role
 
 Start = Callable[..., Awaitable[Site]]
 
@@ -164,7 +167,7 @@ async def test_the_counts_are_answered_at_once_and_cost_no_picture() -> None:
         stage.send(1)
         stage.send(1)
         await eventually(lambda: stage.feed.counts["repeated"])
-        page.ask(camera_viewers.COUNTS)
+        page.ask(COUNTS)
         page.ask()
         await eventually(lambda: len(page.sent) == 2)
         assert page.sent[0]["counts"] == {
@@ -178,8 +181,8 @@ async def test_a_page_that_asks_for_counts_without_end_delays_no_commands() -> N
     async with Stage() as stage:
         page = await stage.page()
         for _ in range(1000):
-            page.ask(camera_viewers.COUNTS)
-        await asyncio.sleep(20.5 * camera_viewers.COUNTS_S)
+            page.ask(COUNTS)
+        await asyncio.sleep(20.5 * COUNTS_S)
         assert len(page.sent) <= 22
 
 
@@ -193,7 +196,7 @@ async def test_a_page_whose_session_ends_gets_no_further_picture() -> None:
         page.role = None
         page.ask()
         stage.send(2)
-        await eventually(lambda: page.closed == camera_viewers.POLICY)
+        await eventually(lambda: page.closed == POLICY)
         assert len(page.sent) == 1
         await eventually(lambda: not stage.camera.open_lines)
 
@@ -213,11 +216,9 @@ async def test_a_page_that_asks_for_nothing_does_not_keep_the_camera_open() -> N
 async def test_many_viewers_leave_room_for_drivers_and_more_are_told() -> None:
     async with Stage() as stage:
         lookers = [await stage.page("viewer") for _ in range(MAX_LOOKING_VIEWERS + 1)]
-        assert [page.closed for page in lookers] == [None] * MAX_LOOKING_VIEWERS + [
-            camera_viewers.FULL
-        ]
+        assert [page.closed for page in lookers] == [None] * MAX_LOOKING_VIEWERS + [FULL]
         drivers = [await stage.page("driver") for _ in range(MAX_LOOKING - MAX_LOOKING_VIEWERS + 1)]
-        assert [page.closed for page in drivers[-2:]] == [None, camera_viewers.FULL]
+        assert [page.closed for page in drivers[-2:]] == [None, FULL]
         lookers[0].leave()
         await asyncio.sleep(0.1)
         assert (await stage.page("driver")).closed is None

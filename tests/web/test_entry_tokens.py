@@ -10,8 +10,8 @@ from web_site import full_disk
 
 from yahboomd.core.errors import ConfigError
 from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
-from yahboomd.web.entry_tokens import (
-    LIFE_NS,
+from yahboomd.web.session_files import (
+    LINK_NS,
     EntryLink,
     digest,
     forget_links,
@@ -63,10 +63,10 @@ async def test_a_link_gets_old_by_the_clock_that_no_correction_changes(tmp_path:
     (path,) = tmp_path.iterdir()
     for year_ns in (0, 1 << 60):
         os.utime(path, ns=(year_ns, year_ns))
-        assert isinstance(link_of(tmp_path, token, made_ns + LIFE_NS), EntryLink)
-    assert link_of(tmp_path, token, made_ns + LIFE_NS + 1) == "old"
+        assert isinstance(link_of(tmp_path, token, made_ns + LINK_NS), EntryLink)
+    assert link_of(tmp_path, token, made_ns + LINK_NS + 1) == "old"
     # A suspended machine ages it as well.
-    clock.slept_ns = LIFE_NS + 1
+    clock.slept_ns = LINK_NS + 1
     assert link_of(tmp_path, token, since_boot_ns(clock)) == "old"
     # One of another boot.
     assert link_of(tmp_path, token, made_ns - 1) == "old"
@@ -76,7 +76,7 @@ async def test_a_link_gets_old_by_the_clock_that_no_correction_changes(tmp_path:
 async def test_links_that_ended_are_removed_when_others_are_made(tmp_path: Path) -> None:
     clock = LoopClock()
     old = make_entry(tmp_path, "driver", clock)
-    clock.slept_ns = LIFE_NS + 1
+    clock.slept_ns = LINK_NS + 1
     fresh = make_entry(tmp_path, "viewer", clock)
     assert len(list(tmp_path.iterdir())) == 1
     assert link_of(tmp_path, old, since_boot_ns(clock)) == "unknown"

@@ -8,10 +8,11 @@ import pytest
 
 from yahboomd.core.model import STANDSTILL, Twist2d
 from yahboomd.simulation.virtual_time import LoopClock, VirtualTimeLoop, on_virtual_time
-from yahboomd.web.page_commands import Aim, PageCommands, PageRefusal, Wanted
+from yahboomd.web.page_commands import PageCommands, PageRefusal, Wanted
+from yahboomd.web.page_session import Go
 
 FORWARD = Twist2d(vx=0.3)
-PLACE = Aim(x=1.0, y=2.0, speed_m_s=0.3, turn_rad_s=1.5)
+PLACE = Go(beat=1, x=1.0, y=2.0, turn=False, speed_m_s=0.3, turn_rad_s=1.5)
 FRESH_NS = 40_000_000
 LATE_NS = 300_000_001
 

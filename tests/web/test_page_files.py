@@ -5,7 +5,7 @@ from __future__ import annotations
 import gzip
 from pathlib import Path
 
-from yahboomd.web.page_files import page_files
+from yahboomd.web.web_application import page_files
 
 
 def test_files_are_found_by_their_path_and_nothing_else_is_served(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.web.page_frames import Control, Drive, RequestFrame, StopFrame, read_frame
+from yahboomd.web.page_session import Control, Drive, RequestFrame, StopFrame, read_frame
 
 
 def test_every_frame_of_a_page_is_read() -> None:

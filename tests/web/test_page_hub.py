@@ -13,8 +13,8 @@ from websockets.exceptions import ConnectionClosed
 from zenoh_fixtures import eventually, free_endpoint
 
 from yahboomd.web import page_commands
-from yahboomd.web.page_frames import RequestFrame, Tool
 from yahboomd.web.page_hub import FULL, MAX_PAGES, MAX_VIEWERS, POLICY, SESSION_ENDED
+from yahboomd.web.page_session import RequestFrame, Tool
 
 pytestmark = pytest.mark.realtime
 

@@ -18,8 +18,8 @@ from yahboomd.client.move_messages import CANCEL, START
 from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.options import BusOptions
 from yahboomd.web import page_commands
-from yahboomd.web.page_commands import Aim
 from yahboomd.web.page_moves import move_to
+from yahboomd.web.page_session import Go
 
 realtime = pytest.mark.realtime
 
@@ -222,7 +222,7 @@ def test_a_turn_to_a_place_is_the_shorter_one(
     x: float, y: float, theta: float, degrees: float
 ) -> None:
     pose = daemon_samples.pose(0.0, 0.0, theta)
-    move = move_to(Aim(x=x, y=y, turn=True, speed_m_s=1.0, turn_rad_s=0.5), pose)
+    move = move_to(Go(beat=1, x=x, y=y, turn=True, speed_m_s=1.0, turn_rad_s=0.5), pose)
     wanted = math.radians(degrees) if theta < 7.0 else 2 * math.pi - 7.0
     assert move.angle_rad == pytest.approx(wanted, abs=1e-9)
     assert (move.speed_m_s, move.turn_rad_s) == (0.3, 0.5)

@@ -9,8 +9,7 @@ from typing import Any
 import pytest
 
 from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
-from yahboomd.web.page_frames import part
-from yahboomd.web.page_session import BURST, FRAMES_PER_S, QUEUED, PageSession
+from yahboomd.web.page_session import BURST, FRAMES_PER_S, QUEUED, PageSession, part
 from yahboomd.web.phone_sessions import PhoneSession
 
 

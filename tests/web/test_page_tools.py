@@ -15,7 +15,7 @@ from zenoh_fixtures import eventually, free_endpoint
 from yahboomd.client import connect
 from yahboomd.core.clock import SystemClock
 from yahboomd.core.config import read
-from yahboomd.web.page_frames import Tool
+from yahboomd.web.page_session import Tool
 from yahboomd.web.page_tools import PageTools, ToolSettings
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from yahboomd.web.phone_names import LONGEST, clean_name, device, free_name, is_taken
+from yahboomd.web.phone_sessions import LONGEST, clean_name, device, free_name, is_taken
 
 
 @pytest.mark.parametrize(

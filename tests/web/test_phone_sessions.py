@@ -13,11 +13,15 @@ from yahboomd.core.errors import ConfigError
 from yahboomd.core.model import NS_PER_S
 from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 from yahboomd.web import phone_sessions
-from yahboomd.web.entry_tokens import LIFE_NS as LINK_NS
-from yahboomd.web.entry_tokens import make_entry
-from yahboomd.web.page_frames import Role
 from yahboomd.web.phone_sessions import LIFE_NS, PhoneSession, PhoneSessions
-from yahboomd.web.session_files import PREFIX, end_stored, stored_sessions
+from yahboomd.web.session_files import (
+    LINK_NS,
+    PREFIX,
+    Role,
+    end_stored,
+    make_entry,
+    stored_sessions,
+)
 
 DAY_NS = 24 * 3600 * NS_PER_S
 
@@ -29,8 +33,12 @@ class House:
         self.folder = folder
         self.clock = clock or LoopClock()
         self.ended: list[tuple[str, str]] = []
-        self.sessions = PhoneSessions(folder, self.clock)
-        self.sessions.on_end = lambda session, words: self.ended.append((session.name, words))
+        self.sessions = PhoneSessions(
+            folder,
+            self.clock,
+            ended=lambda session, words: self.ended.append((session.name, words)),
+            renamed=lambda: None,
+        )
         self.sessions.start()
 
     async def enter(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 
 from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
-from yahboomd.web.rate_limit import ADDRESSES, RateLimit
+from yahboomd.web.session_routes import ADDRESSES, RateLimit
 
 
 @on_virtual_time

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from yahboomd.web.request_origin import RequestOrigin
+from yahboomd.web.web_application import RequestOrigin
 
 ON_NETWORK = RequestOrigin(["robot", "robot.local"], local=False, tls=False)
 LOCAL = RequestOrigin([], local=True, tls=False)

@@ -10,14 +10,17 @@ import pytest
 from web_site import full_disk
 
 from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
-from yahboomd.web.entry_tokens import keep, link_of, make_entry, since_boot_ns
 from yahboomd.web.session_files import (
     PREFIX,
     StoredSession,
     claim,
     end_stored,
+    keep,
+    link_of,
+    make_entry,
     read_stored,
     replace,
+    since_boot_ns,
     stored_sessions,
     touch,
 )

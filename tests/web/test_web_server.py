@@ -17,8 +17,8 @@ from zenoh_fixtures import PATIENCE_S, eventually, free_endpoint
 from yahboomd.cli.process_limits import allow_files
 from yahboomd.core.errors import ConfigError, ListenError
 from yahboomd.web import web_server
-from yahboomd.web.own_certificate import make_certificate
-from yahboomd.web.web_server import FILES, MAX_OPEN, Certificate, CountedConnection, listen
+from yahboomd.web.certificate import Certificate, make_certificate
+from yahboomd.web.web_server import FILES, MAX_OPEN, CountedConnection, listen
 
 pytestmark = pytest.mark.realtime
 

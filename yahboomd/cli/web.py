@@ -211,8 +211,7 @@ def _place(text: str) -> Place:
 
 def _context(args: argparse.Namespace, place: Place, folder: Path) -> SSLContext | None:
     """The given certificate; else, beyond loopback, the one that was made here."""
-    from yahboomd.web.own_certificate import CERTIFICATE, KEY
-    from yahboomd.web.web_server import Certificate
+    from yahboomd.web.certificate import CERTIFICATE, KEY, Certificate
 
     certificate, key = args.certificate, args.key
     if (certificate is None) != (key is None):
@@ -225,7 +224,7 @@ def _context(args: argparse.Namespace, place: Place, folder: Path) -> SSLContext
 
 
 def _certify(folder: Path, names: list[str]) -> int:
-    from yahboomd.web.own_certificate import make_certificate
+    from yahboomd.web.certificate import make_certificate
     from yahboomd.web.page_link import own_addresses, own_names
 
     hosts = dict.fromkeys(("127.0.0.1", "localhost", *own_addresses(), *sorted(own_names())))
@@ -257,12 +256,9 @@ def _access(args: argparse.Namespace, folder: Path) -> int:
 async def _serve(setup: _Setup) -> int:
     from yahboomd.cli.process_limits import allow_files, check_limits
     from yahboomd.core.clock import SystemClock
-    from yahboomd.web.page_files import page_files
     from yahboomd.web.page_hub import PageHub
     from yahboomd.web.page_link import announce, link, own_names
-    from yahboomd.web.phone_sessions import PhoneSessions
-    from yahboomd.web.request_origin import RequestOrigin
-    from yahboomd.web.web_application import WebApplication
+    from yahboomd.web.web_application import RequestOrigin, WebApplication, page_files
     from yahboomd.web.web_server import FILES, WebServer, listen
 
     # The client logs the loss of a daemon for programs that drive; _report prints its own line.
@@ -275,10 +271,10 @@ async def _serve(setup: _Setup) -> int:
     port = listener.getsockname()[1]
     place = type(place)(host=place.host, port=port)
     # On loopback everybody who reaches the page drives.
-    sessions = None if place.is_loopback else PhoneSessions(setup.folder, clock)
-    if sessions is not None:
-        sessions.start()
-    hub = PageHub(setup.options, clock, setup.tools, setup.source, sessions)
+    phones = None if place.is_loopback else setup.folder
+    hub = PageHub(setup.options, clock, setup.tools, setup.source, phones)
+    if hub.sessions is not None:
+        hub.sessions.start()
     names = set(setup.names) | (set() if place.is_loopback else own_names())
     application = WebApplication(
         hub,
@@ -292,7 +288,7 @@ async def _serve(setup: _Setup) -> int:
     loop = asyncio.get_running_loop()
     for number in SIGNALS:
         loop.add_signal_handler(number, _end, server, hub)
-    if sessions is None:
+    if phones is None:
         print(f"The page is at {link(place.host, port, tls=tls)}", flush=True)
     else:
         announce(setup.folder, place, clock, tls=tls)

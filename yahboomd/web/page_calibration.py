@@ -21,7 +21,7 @@ from yahboomd.tools.calibrate.calibration import calibrate, ended, undo
 from yahboomd.tools.calibrate.choices import CALIBRATIONS, Choices, fields_of, read_choices
 from yahboomd.tools.calibrate.dialogue import Dialogue, Message
 from yahboomd.tools.calibrate.hold import HeldButton
-from yahboomd.web.page_frames import part
+from yahboomd.web.page_session import part
 
 log = logging.getLogger("yahboomd.web")
 

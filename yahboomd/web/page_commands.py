@@ -3,7 +3,7 @@
 - One page has control: a driver's page that asked for it. If another page had it, the wheels are
   stopped first.
 - A command for motion becomes at most one sample on the bus. It is refused if its beat is older
-  than :data:`~yahboomd.web.beats.LAPSE_NS`. Nothing is repeated. A held place of the map is such a
+  than :data:`LAPSE_NS`. Nothing is repeated. A held place of the map is such a
   command, and becomes a beat of its move.
 - A zero from the page in control always stops, also with an old beat.
 - When motion is refused, or the page falls silent in mid-motion, loses control or is closed, the
@@ -14,14 +14,26 @@
 
 from __future__ import annotations
 
+import secrets
+from collections import deque
 from collections.abc import Callable
-from typing import ClassVar, TypeAlias
+from typing import TypeAlias
 
 import msgspec
 
 from yahboomd.core.clock import Clock
 from yahboomd.core.model import STANDSTILL, Twist2d
-from yahboomd.web.beats import LAPSE_NS, PERIOD_NS
+from yahboomd.web.page_session import Go
+from yahboomd.web.session_files import since_boot_ns
+
+PERIOD_NS = 50_000_000
+
+LAPSE_NS = 300_000_000
+"""A command whose beat is older is refused, and a page that drives and is silent for this time is
+stopped."""
+
+KEPT = 200
+"""Ten seconds; older beats are unknown."""
 
 ZEROS_NS = 1_000_000_000
 """How long zeros are sent after motion."""
@@ -30,19 +42,7 @@ LETS_GO_NS = 30_000_000_000
 """How long a page that does not drive keeps control."""
 
 
-class Aim(msgspec.Struct, frozen=True, kw_only=True):
-    """A place to go to, or to look at, while it is held: metres of the odometry frame."""
-
-    x: float
-    y: float
-    turn: bool = False
-    speed_m_s: float
-    turn_rad_s: float
-
-    is_zero: ClassVar[bool] = False
-
-
-Wanted: TypeAlias = Twist2d | Aim
+Wanted: TypeAlias = Twist2d | Go
 
 
 class PageRefusal(msgspec.Struct, frozen=True, kw_only=True):
@@ -66,6 +66,12 @@ ENDED = PageRefusal(why="ended", text="The page's server is ending.")
 LET_GO = PageRefusal(why="let_go", text="Let go, then press again.")
 NOT_YOURS = PageRefusal(
     why="not_yours", text="This page has no control of the robot. Take control to drive from here."
+)
+VIEWER = PageRefusal(
+    why="viewer", text="This link lets you watch and stop the robot, not drive it."
+)
+CALIBRATES = PageRefusal(
+    why="calibrating", text="A calibration drives the robot. End it to drive from here."
 )
 
 
@@ -218,3 +224,39 @@ class PageCommands:
             self.used(page)
         else:
             self.give_back(page)
+
+
+class Beats:
+    """The server's beats, which show the age of a page's command.
+
+    Every command carries the last beat that its page received. A beat's age is the time since it
+    was made, and includes every delay: here, on the way to the page, in the page, and on the way
+    back. So a command from a queue is as old as the beat in it.
+
+    Args:
+        clock: Measures their age. The time that the machine was suspended counts too.
+    """
+
+    def __init__(self, clock: Clock) -> None:
+        # A random start: beats of another server, or from before a restart, are not valid here.
+        self.latest = secrets.randbelow(1 << 40)
+        self._clock = clock
+        self._made_ns: deque[int] = deque(maxlen=KEPT)
+
+    def beat(self) -> int:
+        """Make the next one."""
+        self.latest += 1
+        self._made_ns.append(since_boot_ns(self._clock))
+        return self.latest
+
+    def age_ns(self, beat: int, joined: int) -> int | None:
+        """The age of a beat; None if the page cannot have received it.
+
+        Args:
+            beat: As the page sent it.
+            joined: The latest beat when the page connected.
+        """
+        behind = self.latest - beat
+        if beat <= joined or not 0 <= behind < len(self._made_ns):
+            return None
+        return since_boot_ns(self._clock) - self._made_ns[-1 - behind]

@@ -7,13 +7,13 @@ from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
-import msgspec
 from starlette.requests import HTTPConnection, Request
 from starlette.responses import PlainTextResponse, Response, StreamingResponse
 from starlette.routing import Route
 
-from yahboomd.web.page_frames import Role
 from yahboomd.web.page_tools import PageTools
+from yahboomd.web.session_files import Role
+from yahboomd.web.session_routes import json_answer
 
 if TYPE_CHECKING:
     from starlette.types import Message, Receive, Scope, Send
@@ -56,7 +56,7 @@ class Downloads:
     async def _list(self, request: Request) -> Response:
         if self._role(request) is None:
             return _refused(401)
-        return _json(await asyncio.to_thread(self._recordings.listed))
+        return json_answer(200, **await asyncio.to_thread(self._recordings.listed))
 
     async def _recording(self, request: Request) -> Response:
         role = self._role(request)
@@ -69,13 +69,17 @@ class Downloads:
         return await self._download(path, f"{name}-{file}", _viewer(request, role))
 
     async def _list_boxes(self, request: Request) -> Response:
-        return _refused(401) if self._role(request) is None else _json(await self._boxes.listed())
+        return (
+            _refused(401)
+            if self._role(request) is None
+            else json_answer(200, **await self._boxes.listed())
+        )
 
     async def _box_in_words(self, request: Request) -> Response:
         if self._role(request) is None:
             return _refused(401)
         found = await self._boxes.explained(request.path_params["name"])
-        return _refused(404) if found is None else _json(found)
+        return _refused(404) if found is None else json_answer(200, **found)
 
     async def _box(self, request: Request) -> Response:
         role = self._role(request)
@@ -160,14 +164,6 @@ def _viewer(request: Request, role: Role) -> str | None:
 def _opened(path: Path) -> tuple[BinaryIO, int]:
     file = path.open("rb")
     return file, path.stat().st_size
-
-
-def _json(found: object) -> Response:
-    return Response(
-        msgspec.json.encode(found),
-        media_type="application/json",
-        headers={"cache-control": "no-store"},
-    )
 
 
 def _refused(status: int) -> Response:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 from collections.abc import Awaitable, Callable, Coroutine, Mapping
+from pathlib import Path
 from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
@@ -16,20 +17,32 @@ from yahboomd.core.bus import keys
 from yahboomd.core.bus.options import BusOptions
 from yahboomd.core.clock import Clock, Schedule
 from yahboomd.core.messages.codecs import encode
-from yahboomd.core.messages.native import EventSample
+from yahboomd.core.messages.native import EventSample, SetPoseRequest
 from yahboomd.core.model import Twist2d, velocity_problem
-from yahboomd.web.beats import LAPSE_NS, PERIOD_NS, Beats
-from yahboomd.web.camera_feed import CameraFeed
+from yahboomd.web.camera import CameraFeed
 from yahboomd.web.page_calibration import FORMS
-from yahboomd.web.page_commands import LATE, NOT_YOURS, Aim, PageCommands, PageRefusal, Wanted
+from yahboomd.web.page_commands import (
+    CALIBRATES,
+    LAPSE_NS,
+    LATE,
+    NOT_YOURS,
+    PERIOD_NS,
+    VIEWER,
+    Beats,
+    PageCommands,
+    PageRefusal,
+    Wanted,
+)
 from yahboomd.web.page_fleet import PageFleet
-from yahboomd.web.page_frames import (
+from yahboomd.web.page_moves import NO_MOVES, PageMoves
+from yahboomd.web.page_session import (
     Control,
     Drive,
     Go,
     HoldFrame,
     LetGo,
     PageFrame,
+    PageSession,
     RequestFrame,
     Seen,
     StopFrame,
@@ -38,8 +51,6 @@ from yahboomd.web.page_frames import (
     read_frame,
     sample_part,
 )
-from yahboomd.web.page_moves import NO_MOVES, PageMoves
-from yahboomd.web.page_session import PageSession
 from yahboomd.web.page_tools import PageTools, ToolSettings
 from yahboomd.web.phone_sessions import ENDED, PhoneSession, PhoneSessions
 from yahboomd.web.robot_feed import RobotFeed, daemon_part
@@ -70,17 +81,18 @@ CALIBRATION = "yahboomd calibrate"
 
 VIEWS = ("drive", "map", "wheels", "health", "calibrate", "record", "boxes", "phones")
 
-VIEWER = PageRefusal(
-    why="viewer", text="This link lets you watch and stop the robot, not drive it."
-)
-CALIBRATES = PageRefusal(
-    why="calibrating", text="A calibration drives the robot. End it to drive from here."
-)
 ANOTHERS = "Another page has control of the robot. Take control first."
 
 
 class PageHub:
-    """Serves the pages of one robot."""
+    """Serves the pages of one robot.
+
+    Args:
+        phones: The folder of phones' sessions; None if everybody who reaches the page may drive.
+
+    Attributes:
+        sessions: Those sessions, if there are any.
+    """
 
     def __init__(
         self,
@@ -88,14 +100,14 @@ class PageHub:
         clock: Clock,
         settings: ToolSettings,
         source: str = keys.CMD_VEL_WEB,
-        sessions: PhoneSessions | None = None,
+        phones: Path | None = None,
     ) -> None:
         self._clock = clock
-        self.sessions = sessions
-        """The sessions of phones; None if everybody who reaches the page may drive."""
-        if sessions is not None:
-            sessions.on_end = self._session_ended
-            sessions.on_name = self._show_control
+        self.sessions = (
+            PhoneSessions(phones, clock, ended=self._session_ended, renamed=self._show_control)
+            if phones
+            else None
+        )
         self._beats = Beats(clock)
         self._pages: dict[int, PageSession] = {}
         self._numbers = 0
@@ -129,9 +141,12 @@ class PageHub:
             lambda: AsyncRobot(options, source=source, label=CALIBRATION, clock=clock),
         )
         self._actions: dict[str, Callable[[RequestFrame], Awaitable[Answer]]] = {
-            "release": lambda _: self.robot.release(),
-            "reset_odometry": lambda _: self.robot.reset_odometry(),
-            "set_pose": lambda it: self.robot.set_pose(it.x, it.y, it.theta),
+            "release": lambda _: self.robot.request(keys.ESTOP_RESET),
+            "reset_odometry": lambda _: self.robot.request(keys.ODOMETRY_RESET),
+            "set_pose": lambda it: self.robot.request(
+                keys.ODOMETRY_SET_POSE,
+                encode(SetPoseRequest(x=it.x, y=it.y, theta=it.theta), "json"),
+            ),
         }
 
     async def run(self) -> None:
@@ -161,7 +176,7 @@ class PageHub:
     def stop(self) -> None:
         """Stop the robot if a page drives it; call this before the bus is closed."""
         self._commands.end()
-        self.tools.stop()
+        self.tools.calibration.end()
 
     def lets_in(self, phone: PhoneSession | None) -> bool:
         """Whether a page of this phone may be served: its session is valid, or none is needed."""
@@ -207,7 +222,7 @@ class PageHub:
         """It has no part in anything any more: the wheels stop if it drives."""
         if self._pages.pop(page.number, None) is not None:
             self._commands.closed(page.number)
-            self.tools.page_left(page.number)
+            self.tools.recordings.page_left(page.number)
             if page.phone is not None:
                 page.phone.pages -= 1
 
@@ -248,21 +263,18 @@ class PageHub:
 
     def _handle(self, page: PageSession, frame: PageFrame) -> None:
         match frame:
-            case Drive():
-                if (refusal := self._drive(page, frame)) is not None:
-                    self._refuse(page, refusal)
-            case Go():
-                if (refusal := self._go(page, frame)) is not None:
-                    self._refuse(page, refusal, "go")
+            case Drive() | Go():
+                if (refusal := self._command(page, frame)) is not None:
+                    self._refuse(page, refusal, "go" if isinstance(frame, Go) else "drive")
             case Control(want=want, if_free=if_free):
                 if page.role != "driver":
-                    self._refuse(page, VIEWER)
+                    self._refuse(page, VIEWER, "drive")
                 elif not want:
                     self._commands.give_back(page.number)
                 elif self._commands.driver is None or not if_free:
                     self._commands.take_control(page.number)
             case RequestFrame() | Tool() if len(page.requests) >= MAX_REQUESTS:
-                page.queue(_answered(frame.id, ok=False, text="One thing after the other."))
+                page.answer(frame.id, ok=False, text="One thing after the other.")
             case RequestFrame():
                 self._begin(page, self._answer(page, frame))
             case Tool():
@@ -279,30 +291,21 @@ class PageHub:
             case StopFrame():
                 pass
 
-    def _drive(self, page: PageSession, frame: Drive) -> PageRefusal | None:
+    def _command(self, page: PageSession, frame: Drive | Go) -> PageRefusal | None:
         if page.role != "driver":
             return VIEWER
-        if (problem := velocity_problem(frame.vx, frame.vy, frame.wz)) is not None:
+        wanted: Wanted
+        if isinstance(frame, Go):
+            wanted = frame
+        elif (problem := velocity_problem(frame.vx, frame.vy, frame.wz)) is not None:
             return PageRefusal(why="invalid", text=problem[1])
-        twist = Twist2d(vx=frame.vx, vy=frame.vy, wz=frame.wz)
+        else:
+            wanted = Twist2d(vx=frame.vx, vy=frame.vy, wz=frame.wz)
         age_ns = self._beats.age_ns(frame.beat, page.joined)
-        return self._commands.command(page.number, twist, age_ns)
-
-    def _go(self, page: PageSession, frame: Go) -> PageRefusal | None:
-        if page.role != "driver":
-            return VIEWER
-        aim = Aim(
-            x=frame.x,
-            y=frame.y,
-            turn=frame.turn,
-            speed_m_s=frame.speed_m_s,
-            turn_rad_s=frame.turn_rad_s,
-        )
-        age_ns = self._beats.age_ns(frame.beat, page.joined)
-        return self._commands.command(page.number, aim, age_ns)
+        return self._commands.command(page.number, wanted, age_ns)
 
     def _put(self, wanted: Wanted) -> None:
-        if isinstance(wanted, Aim):
+        if isinstance(wanted, Go):
             self._aims = True
             self.moves.hold(wanted)
             return
@@ -313,7 +316,7 @@ class PageHub:
             self.robot.put(wanted)
 
     def _obstacle(self, wanted: Wanted) -> PageRefusal | None:
-        if isinstance(wanted, Aim) and not self.robot.has_moves:
+        if isinstance(wanted, Go) and not self.robot.has_moves:
             return self.robot.obstacle() or NO_MOVES
         if self.tools.calibration.page is not None:
             return CALIBRATES
@@ -338,7 +341,7 @@ class PageHub:
             done, words = await self.tools.use(page.number, tool)
         else:
             done, words = False, refusal.text
-        page.queue(_answered(tool.id, ok=done, text=words))
+        page.answer(tool.id, ok=done, text=words)
 
     def _tool_refusal(self, page: PageSession, tool: Tool) -> PageRefusal | None:
         if page.role != "driver":
@@ -362,7 +365,7 @@ class PageHub:
 
         async def answer() -> None:
             found = await asyncio.shield(asked)
-            page.queue(_answered(frame.id, ok=found.success, text=found.message))
+            page.answer(frame.id, ok=found.success, text=found.message)
 
         # Limits the answers to a page that repeats it endlessly.
         if len(page.requests) < 4 * MAX_REQUESTS:
@@ -373,18 +376,18 @@ class PageHub:
             return
         action = self._actions.get(request.do)
         if page.role != "driver":
-            page.queue(_answered(request.id, ok=False, text=VIEWER.text))
+            page.answer(request.id, ok=False, text=VIEWER.text)
         elif action is None:
-            page.queue(_answered(request.id, ok=False, text="This server does not know that."))
+            page.answer(request.id, ok=False, text="This server does not know that.")
         elif self._commands.driver not in {None, page.number}:
             # The driver relies on the pose and on the stop.
-            page.queue(_answered(request.id, ok=False, text=ANOTHERS))
+            page.answer(request.id, ok=False, text=ANOTHERS)
         else:
             self._commands.used(page.number)
             found = await action(request)
-            page.queue(_answered(request.id, ok=found.success, text=found.message, data=found.data))
+            page.answer(request.id, ok=found.success, text=found.message, data=found.data)
 
-    def _refuse(self, page: PageSession, refusal: PageRefusal, what: str = "drive") -> None:
+    def _refuse(self, page: PageSession, refusal: PageRefusal, what: str) -> None:
         now_ns = self._clock.now_ns()
         if now_ns - page.refused_ns < REFUSALS_NS:
             return
@@ -465,7 +468,3 @@ class PageHub:
         if (session := self._pages.get(page)) is not None:
             session.refused_ns = 0
             self._refuse(session, refusal, "go" if self._aims else "drive")
-
-
-def _answered(number: int, *, ok: bool, text: str, data: object = None) -> bytes:
-    return part("answer", id=number, ok=ok, text=text, data=data)

@@ -18,9 +18,16 @@ from yahboomd.core.errors import ConfigError
 from yahboomd.core.model import NS_PER_S
 from yahboomd.core.program import plain
 from yahboomd.tools.metrics.http_listener import Place
-from yahboomd.web.entry_tokens import MINUTES, forget_links, keep, make_entry
-from yahboomd.web.page_frames import Role
-from yahboomd.web.session_files import end_stored, stored_numbers, stored_sessions
+from yahboomd.web.session_files import (
+    MINUTES,
+    Role,
+    end_stored,
+    forget_links,
+    keep,
+    make_entry,
+    stored_numbers,
+    stored_sessions,
+)
 
 ROLES: tuple[Role, Role] = ("driver", "viewer")
 

@@ -15,8 +15,8 @@ from yahboomd.client.move_messages import Move, MoveSample
 from yahboomd.client.robot_moves import Asking, MoveEnded, MoveRun
 from yahboomd.core.errors import YahboomdError
 from yahboomd.core.messages.native import PoseSample
-from yahboomd.web.page_commands import Aim, PageRefusal
-from yahboomd.web.page_frames import part
+from yahboomd.web.page_commands import PageRefusal
+from yahboomd.web.page_session import Go, part
 from yahboomd.web.robot_feed import LABEL
 
 SPEED_M_S, TURN_RAD_S = 0.3, 1.5
@@ -53,7 +53,7 @@ class PageMoves:
     def __init__(self, robot: MovingRobot, changed: Callable[[], None]) -> None:
         self._robot = robot
         self._changed = changed
-        self._aim: Aim | None = None
+        self._aim: Go | None = None
         self._begun = False
         self._run: MoveRun | None = None
         self._task: asyncio.Task[None] | None = None
@@ -63,7 +63,7 @@ class PageMoves:
         """The move as pages show it."""
         return part("move", **self._seen)
 
-    def hold(self, aim: Aim) -> None:
+    def hold(self, aim: Go) -> None:
         """The page holds: begin its move, or keep it alive. The goal stays the first one."""
         if self._aim is None:
             self._aim, self._begun = aim, False
@@ -92,7 +92,7 @@ class PageMoves:
         if self._task is not None:
             await asyncio.wait([self._task])
 
-    async def _drive(self, aim: Aim, before: asyncio.Task[None] | None) -> None:
+    async def _drive(self, aim: Go, before: asyncio.Task[None] | None) -> None:
         if before is not None:
             await asyncio.wait([before])
         pose = self._robot.pose
@@ -125,7 +125,7 @@ class PageMoves:
         self._changed()
 
 
-def move_to(aim: Aim, pose: PoseSample) -> Move:
+def move_to(aim: Go, pose: PoseSample) -> Move:
     """The move from a pose to a place, or the turn towards it."""
     speed, turn = min(aim.speed_m_s, SPEED_M_S), min(aim.turn_rad_s, TURN_RAD_S)
     if not aim.turn:

@@ -12,7 +12,7 @@ from typing import Any
 
 from yahboomd.core.clock import Clock, seconds
 from yahboomd.web.child_command import END_S, Child
-from yahboomd.web.page_frames import part
+from yahboomd.web.page_session import part
 
 ONE_BYTES = 500_000_000
 """The newest part of a recording is kept: five hours of a robot at 50 Hz."""

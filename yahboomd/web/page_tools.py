@@ -12,8 +12,8 @@ from yahboomd.core.clock import Clock
 from yahboomd.core.config import Loaded
 from yahboomd.web.page_boxes import PageBoxes
 from yahboomd.web.page_calibration import PageCalibration
-from yahboomd.web.page_frames import HoldFrame, Tool
 from yahboomd.web.page_recordings import PageRecordings
+from yahboomd.web.page_session import Tool
 
 
 class ToolSettings(msgspec.Struct, frozen=True, kw_only=True):
@@ -83,18 +83,6 @@ class PageTools:
             case _:
                 words = "This server does not know that."
         return not words, words
-
-    def hold(self, page: int, hold: HoldFrame) -> str:
-        """The calibration's button is held; returns the reason if that is refused, or empty."""
-        return self.calibration.hold(page, hold.question)
-
-    def page_left(self, page: int) -> None:
-        """A page was closed."""
-        self.recordings.page_left(page)
-
-    def stop(self) -> None:
-        """Stop all motion now."""
-        self.calibration.end()
 
     async def close(self) -> None:
         """End everything, and wait until it has ended."""

@@ -12,8 +12,9 @@ import hmac
 import logging
 import os
 import secrets
+import unicodedata
 from collections import Counter, deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Literal, TypeAlias
 
@@ -22,16 +23,19 @@ import msgspec
 from yahboomd.core.clock import Clock
 from yahboomd.core.errors import ConfigError
 from yahboomd.core.model import NS_PER_S
-from yahboomd.web.entry_tokens import MINUTES, digest, forget_links, link_of, since_boot_ns
-from yahboomd.web.page_frames import Role
-from yahboomd.web.phone_names import clean_name, free_name, is_taken
 from yahboomd.web.session_files import (
+    MINUTES,
     PREFIX,
+    Role,
     StoredSession,
     claim,
+    digest,
     end_stored,
+    forget_links,
+    link_of,
     read_stored,
     replace,
+    since_boot_ns,
     touch,
 )
 
@@ -91,9 +95,17 @@ class PhoneSessions:
 
     Args:
         folder: The state directory.
+        ended: Called with a session that ended, and why.
+        renamed: Called when a phone got another name.
     """
 
-    def __init__(self, folder: Path, clock: Clock) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        clock: Clock,
+        ended: Callable[[PhoneSession, str], None],
+        renamed: Callable[[], None],
+    ) -> None:
         self._folder = folder
         self._clock = clock
         self._known: dict[str, PhoneSession] = {}
@@ -104,8 +116,8 @@ class PhoneSessions:
         self._files = asyncio.Lock()
         self._told = set[str]()
         self.refused: Counter[Refusal] = Counter()
-        self.on_end: Callable[[PhoneSession, str], None] = lambda _session, _words: None
-        self.on_name: Callable[[], None] = lambda: None
+        self._tell_end = ended
+        self._tell_name = renamed
 
     @property
     def all(self) -> list[PhoneSession]:
@@ -232,7 +244,7 @@ class PhoneSessions:
                 self.refused["disk"] += 1
                 return f"The name cannot be stored on the robot: {error.strerror}."
         session.name = name
-        self.on_name()
+        self._tell_name()
         return ""
 
     async def run(self) -> None:
@@ -314,7 +326,7 @@ class PhoneSessions:
     def _drop(self, session: PhoneSession, words: str) -> None:
         self._over.add(session.id)
         if self._known.pop(session.id, None) is not None:
-            self.on_end(session, words)
+            self._tell_end(session, words)
 
     def _longest_unused(self, newest: PhoneSession) -> PhoneSession | None:
         free = [each for each in self.all if not each.pages and each is not newest]
@@ -330,3 +342,55 @@ class PhoneSessions:
         if words not in self._told and len(self._told) < MOST:
             self._told.add(words)
             log.warning("%s", words)
+
+
+LONGEST = 32
+
+RESERVED = {"this page", "another page", "no page", "nobody", "the page", "all"}
+"""Words that the page or a command uses itself."""
+
+KINDS = (
+    ("iphone", "iPhone"),
+    ("ipad", "iPad"),
+    ("android", "Android phone"),
+    ("windows", "Windows computer"),
+    ("macintosh", "Mac"),
+    ("linux", "Linux computer"),
+)
+
+
+UNSEEN = frozenset("\u034f\u115f\u1160\u17b4\u17b5\u180b\u180c\u180d\u180f\u2800\u3164\uffa0") | {
+    chr(code) for each in ((0xFE00, 0xFE10), (0xE0100, 0xE01F0)) for code in range(*each)
+}
+"""Letters and marks that show nothing: with them two names could look the same."""
+
+
+def device(user_agent: str) -> str:
+    """The kind of device, by the header that browsers send."""
+    text = user_agent.lower()
+    return next((words for mark, words in KINDS if mark in text), "A browser")
+
+
+def clean_name(text: str) -> str:
+    """A name without control characters, marks of direction, unseen ones and superfluous blanks."""
+    seen = (c for c in text[: 4 * LONGEST] if c not in UNSEEN)
+    kept = (c if unicodedata.category(c)[0] in "LMNPSZ" else " " for c in seen)
+    return " ".join("".join(kept).split())[:LONGEST].strip()
+
+
+def is_taken(name: str, others: Iterable[str]) -> bool:
+    """Whether people could take it for another one's."""
+    same = unicodedata.normalize("NFKC", name).casefold()
+    taken = {unicodedata.normalize("NFKC", other).casefold() for other in others}
+    return same in taken | RESERVED
+
+
+def free_name(name: str, others: Iterable[str]) -> str:
+    """The name, with a number if another phone has it."""
+    others = list(others)
+    number = 1
+    found = name
+    while is_taken(found, others):
+        number += 1
+        found = f"{name} {number}"
+    return found

@@ -28,7 +28,6 @@ from yahboomd.core.messages.native import (
     EstopRequest,
     EventSample,
     PoseSample,
-    SetPoseRequest,
     StatusSample,
     TwistSample,
     VelocityCommand,
@@ -36,7 +35,7 @@ from yahboomd.core.messages.native import (
 )
 from yahboomd.core.model import Twist2d
 from yahboomd.web.page_commands import PageRefusal
-from yahboomd.web.page_frames import part, sample_part
+from yahboomd.web.page_session import part, sample_part
 
 LABEL = "the page"
 
@@ -222,19 +221,6 @@ class RobotFeed:
         self._estop, self._next_estop = self._next_estop, None
         payload = encode(EstopRequest(by=LABEL), "json")
         return await self.request(keys.ESTOP, payload, urgent=True)
-
-    async def release(self) -> Answer:
-        """Release the emergency stop, and clear a fault."""
-        return await self.request(keys.ESTOP_RESET)
-
-    async def reset_odometry(self) -> Answer:
-        """Make the pose zero."""
-        return await self.request(keys.ODOMETRY_RESET)
-
-    async def set_pose(self, x: float, y: float, theta: float) -> Answer:
-        """Make odometry continue from this pose."""
-        wanted = SetPoseRequest(x=x, y=y, theta=theta)
-        return await self.request(keys.ODOMETRY_SET_POSE, encode(wanted, "json"))
 
     async def request(
         self, key: str, payload: bytes = b"{}", *, timeout_s: float = ANSWER_S, urgent: bool = False

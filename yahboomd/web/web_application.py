@@ -1,12 +1,20 @@
 """HTTP: the page's files, the sessions, the emergency stop, the WebSocket.
 
 Every request passes :class:`OriginGuard` first: Host, Origin, and the headers of every answer.
+The page's files are read and compressed once, and looked up by name only.
 """
 
 from __future__ import annotations
 
 import asyncio
+import gzip
+import hashlib
+import ipaddress
+import re
+from collections.abc import Collection, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
+from urllib.parse import urlsplit
 
 import msgspec
 from starlette.applications import Starlette
@@ -18,16 +26,12 @@ from starlette.websockets import WebSocket
 
 from yahboomd.core.clock import Clock
 from yahboomd.core.messages.status_fields import FIELDS, StatusField
-from yahboomd.web.camera_viewers import CameraViewers
+from yahboomd.web.camera import CameraViewers
 from yahboomd.web.page_downloads import Downloads
-from yahboomd.web.page_files import PageFile
 from yahboomd.web.page_hub import PageHub
-from yahboomd.web.request_origin import RequestOrigin
 from yahboomd.web.session_routes import SessionRoutes, json_answer
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 HEADERS: Final = {
@@ -175,3 +179,93 @@ class OriginGuard:
         ):
             return PlainTextResponse("Refused: this is not from the robot's own page.\n", 403)
         return None
+
+
+_HOST = re.compile(r"(?P<name>\[[0-9A-Fa-f:.]+\]|[^\[\]:@/?#\s]+)(?::\d{1,5})?\Z")
+
+
+class RequestOrigin:
+    """Checks by Host and Origin whether a request comes from our own page.
+
+    Any website can point a name of its own at this machine (DNS rebinding), and any website's
+    script can send requests here. So Host has to be an address or a name of this machine, and
+    Origin, which a script cannot forge, has to match it.
+
+    Args:
+        names: The names of this machine, besides its addresses.
+        local: Whether only programs on this machine reach it: then only `localhost` and loopback
+            addresses are accepted.
+        tls: Whether it is served over TLS.
+    """
+
+    def __init__(self, names: Collection[str], *, local: bool, tls: bool) -> None:
+        self._names = {name.lower().rstrip(".") for name in names} | {"localhost"}
+        self._local = local
+        self._scheme = "https" if tls else "http"
+
+    def host_is_ours(self, host: str) -> bool:
+        """Whether the Host header names this machine."""
+        found = _HOST.match(host)
+        if found is None:
+            return False
+        name = found["name"].lower().rstrip(".")
+        try:
+            address = ipaddress.ip_address(name.strip("[]"))
+        except ValueError:
+            return name in self._names
+        return address.is_loopback or not self._local
+
+    def origin_is_ours(self, origin: str, host: str) -> bool:
+        """Whether the Origin header names the page that Host names."""
+        try:
+            parts = urlsplit(origin)
+        except ValueError:
+            return False
+        return (parts.scheme, parts.netloc.lower()) == (self._scheme, host.lower())
+
+
+FOLDER = Path(__file__).with_name("page")
+
+TYPES: Mapping[str, str] = {
+    ".html": "text/html; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".svg": "image/svg+xml",
+    ".png": "image/png",
+    ".webmanifest": "application/manifest+json",
+}
+"""The content types of served files, by suffix."""
+
+
+class PageFile(msgspec.Struct, frozen=True, kw_only=True):
+    """A file of the page.
+
+    Attributes:
+        compressed: The content with gzip; empty if that is not smaller.
+        etag: Changes with the content.
+    """
+
+    content: bytes
+    compressed: bytes
+    kind: str
+    etag: str
+
+
+def page_files(folder: Path = FOLDER) -> dict[str, PageFile]:
+    """Every file of the page, by its path below the folder."""
+    return {
+        path.relative_to(folder).as_posix(): _file(path)
+        for path in sorted(folder.rglob("*"))
+        if path.suffix in TYPES and path.is_file()
+    }
+
+
+def _file(path: Path) -> PageFile:
+    content = path.read_bytes()
+    compressed = gzip.compress(content, mtime=0)
+    return PageFile(
+        content=content,
+        compressed=compressed if len(compressed) < len(content) else b"",
+        kind=TYPES[path.suffix],
+        etag=f'"{hashlib.sha256(content).hexdigest()[:20]}"',
+    )

@@ -14,20 +14,18 @@ import socket
 import ssl
 from collections import Counter
 from collections.abc import Generator
-from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, cast
 
 import h11
-import msgspec
 from uvicorn import Config, Server
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.utils import get_remote_addr
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.frames import Frame
 
-from yahboomd.core.errors import ConfigError, ListenError
+from yahboomd.core.errors import ListenError
 from yahboomd.web.page_downloads import is_download
-from yahboomd.web.page_frames import MAX_BYTES
+from yahboomd.web.page_session import MAX_BYTES
 from yahboomd.web.web_application import HEADERS
 
 if TYPE_CHECKING:
@@ -64,42 +62,6 @@ BACKGROUND = {
 
 TCP_NOTSENT_LOWAT = 25
 """Of linux/tcp.h."""
-
-
-class Certificate(msgspec.Struct, frozen=True, kw_only=True):
-    """The files of a certificate for TLS."""
-
-    certificate: Path
-    key: Path
-
-    def context(self) -> ssl.SSLContext:
-        """Read them.
-
-        Raises:
-            ConfigError: They cannot be read, or do not belong together.
-        """
-        context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-        context.minimum_version = ssl.TLSVersion.TLSv1_2
-        for path in (self.certificate, self.key):
-            try:
-                if path.exists() and not path.is_file():
-                    # A pipe would block the start.
-                    raise ConfigError(f"{path} cannot be read: it is no ordinary file.")
-                path.read_bytes()
-            except OSError as error:
-                raise ConfigError(
-                    f"{path} cannot be read: {error.strerror}.",
-                    remedy="Make a certificate with `yahboomd web --make-certificate`.",
-                ) from error
-        try:
-            context.load_cert_chain(self.certificate, self.key)
-        except ssl.SSLError as error:
-            raise ConfigError(
-                f"{self.certificate} and {self.key} are not a certificate and its key "
-                f"({error.reason or 'not PEM'}).",
-                remedy="Make both with `yahboomd web --make-certificate`.",
-            ) from error
-        return context
 
 
 def listen(host: str, port: int) -> socket.socket:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from yahboomd.core.errors import ConfigError
-from yahboomd.web.own_certificate import CERTIFICATE, KEY, make_certificate
+from yahboomd.web.certificate import CERTIFICATE, KEY, make_certificate
 
 
 def test_it_names_every_host_and_its_key_is_for_this_user_alone(tmp_path: Path) -> None:

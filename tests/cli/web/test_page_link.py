@@ -13,7 +13,6 @@ import segno
 
 from yahboomd.core.clock import SystemClock
 from yahboomd.core.errors import ConfigError
-from yahboomd.web.entry_tokens import keep, make_entry
 from yahboomd.web.page_link import (
     SERVED,
     end_sessions,
@@ -24,7 +23,7 @@ from yahboomd.web.page_link import (
     qr_lines,
     reachable_hosts,
 )
-from yahboomd.web.session_files import PREFIX, StoredSession
+from yahboomd.web.session_files import PREFIX, StoredSession, keep, make_entry
 
 
 def test_the_token_is_in_the_fragment() -> None:

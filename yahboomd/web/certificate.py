@@ -1,15 +1,18 @@
-"""Makes a self-signed certificate for this machine, with openssl."""
+"""The certificate for TLS: read, or made for this machine with openssl."""
 
 from __future__ import annotations
 
 import ipaddress
+import ssl
 import subprocess
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
+import msgspec
+
 from yahboomd.core.errors import ConfigError
-from yahboomd.web.entry_tokens import keep
+from yahboomd.web.session_files import keep
 
 CERTIFICATE = "web-certificate.pem"
 KEY = "web-key.pem"
@@ -18,6 +21,42 @@ DAYS = 825
 """The longest that phones accept."""
 
 _FINGERPRINT = ("-noout", "-fingerprint", "-sha256")
+
+
+class Certificate(msgspec.Struct, frozen=True, kw_only=True):
+    """The files of a certificate for TLS."""
+
+    certificate: Path
+    key: Path
+
+    def context(self) -> ssl.SSLContext:
+        """Read them.
+
+        Raises:
+            ConfigError: They cannot be read, or do not belong together.
+        """
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        context.minimum_version = ssl.TLSVersion.TLSv1_2
+        for path in (self.certificate, self.key):
+            try:
+                if path.exists() and not path.is_file():
+                    # A pipe would block the start.
+                    raise ConfigError(f"{path} cannot be read: it is no ordinary file.")
+                path.read_bytes()
+            except OSError as error:
+                raise ConfigError(
+                    f"{path} cannot be read: {error.strerror}.",
+                    remedy="Make a certificate with `yahboomd web --make-certificate`.",
+                ) from error
+        try:
+            context.load_cert_chain(self.certificate, self.key)
+        except ssl.SSLError as error:
+            raise ConfigError(
+                f"{self.certificate} and {self.key} are not a certificate and its key "
+                f"({error.reason or 'not PEM'}).",
+                remedy="Make both with `yahboomd web --make-certificate`.",
+            ) from error
+        return context
 
 
 def make_certificate(folder: Path, hosts: Iterable[str]) -> tuple[Path, Path, str]:
