@@ -77,15 +77,15 @@ imports: $(VENV)/.dev ## which room may import which
 	$(BIN)/lint-imports
 
 schemas: $(VENV)/.dev ## write schemas/, generated pages of docs/, man pages and completions
-	$(PY) -m yahboomd.tools.schemas.generate schemas
-	$(PY) -m yahboomd.tools.schemas.reference_pages events > docs/events.md
-	$(PY) -m yahboomd.tools.schemas.reference_pages status > docs/status.md
+	$(PY) -m make.schema_files.generate schemas
+	$(PY) -m make.schema_files.reference_pages events > docs/events.md
+	$(PY) -m make.schema_files.reference_pages status > docs/status.md
 	$(PY) -m yahboomd config reference > docs/configuration.md
 	$(PY) -m yahboomd config reference --toml > config.toml
 	$(PY) -m yahboomd.cli.shell.shared_files share
 
 schemas-check: $(VENV)/.dev
-	$(PY) -m yahboomd.tools.schemas.generate --check schemas
+	$(PY) -m make.schema_files.generate --check schemas
 
 ##@ Suites that need other languages, or more time (.ci/run runs their short forms)
 .PHONY: interop interop-figures ros-programs generators clients browser firmware firmware-long metrics fuzz mutants planted-faults soak alarms

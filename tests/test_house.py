@@ -77,7 +77,6 @@ NAMED_ELSEWHERE = {
     "yahboomd/core/protocol/first_words.py": "the stop before anything can be imported",
     "yahboomd/simulation/boards.py": "the row of each simulated board",
     "yahboomd/simulation/options.py": "the board that is simulated where none is named",
-    "yahboomd/tools/schemas/samples.py": "a golden sample is one of a real board",
 }
 
 

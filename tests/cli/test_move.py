@@ -14,12 +14,12 @@ import pytest
 from fake_moves import FakeMoves
 from zenoh_fixtures import eventually
 
+from make.schema_files.move_samples import SAMPLES
 from yahboomd.cli import move
 from yahboomd.cli.main import main
 from yahboomd.client import Move, MoveSample
 from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.options import BusOptions
-from yahboomd.tools.schemas.move_samples import SAMPLES
 
 
 def asked(*words: str) -> Move:

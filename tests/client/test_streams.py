@@ -13,13 +13,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec import structs
 
+from make.schema_files import cdr_samples, samples
+from make.schema_files.samples import MESSAGES
 from yahboomd.client.streams import KEYS, Samples, depth_of, read_sample
 from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.subscriptions import Arrival
 from yahboomd.core.messages.codecs import encode
 from yahboomd.core.messages.native import EventSample, PoseSample, StatusSample
-from yahboomd.tools.schemas import cdr_samples, samples
-from yahboomd.tools.schemas.samples import MESSAGES
 
 
 @pytest.mark.parametrize("encoding", ["json", "msgpack"])

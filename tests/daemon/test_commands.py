@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from robot_bench import RobotBench
 
+from make.schema_files.cdr_samples import pose_message
 from yahboomd.core.bus import keys
 from yahboomd.core.bus.subscriptions import Arrival
 from yahboomd.core.daemon.commands import ClockWatch, CommandIntake, PoseIntake
@@ -16,7 +17,6 @@ from yahboomd.core.drive.arbitration import AllowedSource
 from yahboomd.core.messages.status_fields import REFUSALS
 from yahboomd.core.model import Event
 from yahboomd.simulation.virtual_time import on_virtual_time
-from yahboomd.tools.schemas.cdr_samples import pose_message
 
 MS = 1_000_000
 NONE_REFUSED = dict.fromkeys(REFUSALS, 0)

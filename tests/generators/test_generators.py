@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 from installations import CACHE, installed, needs, npm_packages, run
 
+from make.schema_files.samples import MESSAGES
 from yahboomd.tools.schemas.event_kinds import EVENTS
-from yahboomd.tools.schemas.samples import MESSAGES
 
 SCHEMAS = Path(__file__).resolve().parents[2] / "schemas"
 GOLDEN = SCHEMAS / "samples" / "json"

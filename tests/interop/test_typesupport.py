@@ -6,13 +6,13 @@ import subprocess
 import pytest
 from ros_peers import HERE, built
 
+from make.schema_files.cdr_samples import CDR
 from yahboomd.core.config import read
 from yahboomd.core.messages.native import SetPoseRequest
 from yahboomd.core.messages.set_pose import decode_pose
 from yahboomd.ros2.messages import ros2_names
 from yahboomd.ros2.messages.rcl_interfaces import log
 from yahboomd.ros2.ros2_parameters import parameter_server
-from yahboomd.tools.schemas.cdr_samples import CDR
 
 DISTROS = ("jazzy", "kilted")
 PARAMETER = {"name": "command.timeout_s", "value": {"type": 3, "double_value": 9.0}}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from yahboomd.tools.schemas.cdr_samples import CDR
+from make.schema_files.cdr_samples import CDR
 
 
 @pytest.mark.parametrize("name", CDR)

@@ -6,10 +6,10 @@ import msgspec
 import pytest
 from event_check import assert_registered
 
+from make.schema_files.event_samples import SAMPLES
 from yahboomd.core.messages.codecs import encode
 from yahboomd.core.messages.native import EventSample
 from yahboomd.tools.schemas.event_kinds import EVENTS
-from yahboomd.tools.schemas.event_samples import SAMPLES
 
 
 def test_every_event_with_data_has_a_sample():

@@ -11,8 +11,9 @@ import msgspec
 import pytest
 from jsonschema import Draft202012Validator
 
-from yahboomd.tools.schemas import cdr_samples, generate, samples
-from yahboomd.tools.schemas.samples import MESSAGES
+from make.schema_files import cdr_samples, generate, samples
+from make.schema_files.samples import MESSAGES
+from yahboomd.tools.schemas.message_schema import schema
 
 SCHEMAS = Path(__file__).parents[2] / "schemas"
 
@@ -28,11 +29,11 @@ def test_generation_is_deterministic():
 @pytest.mark.parametrize("name", MESSAGES)
 def test_every_schema_is_valid_described_and_accepts_its_samples(name):
     files = generate.generated()
-    schema = json.loads(files[f"{name}.json"])
-    Draft202012Validator.check_schema(schema)
-    assert schema["title"] == name
-    assert schema["description"]
-    validator = Draft202012Validator(schema)
+    described = json.loads(files[f"{name}.json"])
+    Draft202012Validator.check_schema(described)
+    assert described["title"] == name
+    assert described["description"]
+    validator = Draft202012Validator(described)
     validator.validate(json.loads(files[f"samples/json/{name}.json"]))
     validator.validate(msgspec.msgpack.decode(files[f"samples/msgpack/{name}.bin"]))
 
@@ -52,7 +53,7 @@ def test_every_schema_is_valid_described_and_accepts_its_samples(name):
 )
 def test_schemas_refuse_what_the_daemon_refuses(name, instance):
     with pytest.raises(jsonschema.ValidationError):
-        Draft202012Validator(generate.schema(MESSAGES[name])).validate(instance)
+        Draft202012Validator(schema(MESSAGES[name])).validate(instance)
 
 
 def parts(node):
@@ -68,7 +69,7 @@ def parts(node):
 
 @pytest.mark.parametrize("name", MESSAGES)
 def test_schemas_keep_to_forms_that_generators_of_types_understand(name):
-    for part in parts(generate.schema(MESSAGES[name])):
+    for part in parts(schema(MESSAGES[name])):
         assert "prefixItems" not in part
         assert part.get("items") is not False
         assert part.get("maximum", 0) <= 2**53
@@ -77,7 +78,7 @@ def test_schemas_keep_to_forms_that_generators_of_types_understand(name):
 
 
 def test_a_covariance_has_nine_numbers_in_its_schema():
-    covariance = generate.schema(MESSAGES["PoseSample"])["properties"]["covariance"]
+    covariance = schema(MESSAGES["PoseSample"])["properties"]["covariance"]
     assert (covariance["minItems"], covariance["maxItems"]) == (9, 9)
     assert covariance["items"] == {"type": "number"}
 
@@ -85,7 +86,7 @@ def test_a_covariance_has_nine_numbers_in_its_schema():
 @pytest.mark.parametrize("name", MESSAGES)
 def test_schemas_let_messages_grow(name):
     grown = {**msgspec.to_builtins(samples.NATIVE[name]), "a_later_field": 1}
-    Draft202012Validator(generate.schema(MESSAGES[name])).validate(json.loads(json.dumps(grown)))
+    Draft202012Validator(schema(MESSAGES[name])).validate(json.loads(json.dumps(grown)))
 
 
 def test_decoded_values_of_cdr_samples_are_those_of_the_bytes(oracle):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import msgspec
 import pytest
 
+from make.schema_files.move_samples import SAMPLES
 from yahboomd.client import move_messages
 from yahboomd.client.move_messages import Move
 from yahboomd.core.messages.codecs import encode
@@ -12,7 +13,6 @@ from yahboomd.core.model import Pose2d
 from yahboomd.moves.motion.base_limits import Base
 from yahboomd.moves.motion.move_plan import plan
 from yahboomd.moves.motion.speed_profile import SpeedLimits
-from yahboomd.tools.schemas.move_samples import SAMPLES
 
 LIMITS = SpeedLimits(speed=1.0, acceleration=1.0, braking=2.0, jerk=10.0)
 

@@ -8,10 +8,10 @@ import msgspec
 import pytest
 from msgspec import structs
 
+from make.schema_files.samples import MESSAGES
 from yahboomd.core.messages import native
 from yahboomd.core.messages.codecs import encode
 from yahboomd.core.model import Event, OdometryEstimate, Pose2d, Twist2d
-from yahboomd.tools.schemas.samples import MESSAGES
 
 FIELDS = {
     "VelocityCommand": "vx vy wz stamp_ns source",

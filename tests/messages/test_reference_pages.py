@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from make.schema_files.reference_pages import PAGES, events_page, status_page
 from yahboomd.core.messages.status_fields import FIELDS, REFUSALS
 from yahboomd.tools.schemas.event_kinds import EVENTS, KINDS
-from yahboomd.tools.schemas.reference_pages import PAGES, events_page, status_page
 
 DOCS = Path(__file__).parents[2] / "docs"
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import msgspec
 import pytest
 
+from make.schema_files import cdr_samples, samples
 from yahboomd.core.messages import cdr, native
 from yahboomd.core.messages.codecs import (
     ReceivedCommand,
@@ -14,7 +15,6 @@ from yahboomd.core.messages.codecs import (
     encode,
     is_release_attempt,
 )
-from yahboomd.tools.schemas import cdr_samples, samples
 
 
 def test_every_native_message_has_a_sample():

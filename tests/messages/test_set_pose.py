@@ -5,6 +5,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from make.schema_files.cdr_samples import pose_message
 from yahboomd.core.drive.kinematics import differential
 from yahboomd.core.messages.codecs import Refusal, decode_set_pose
 from yahboomd.core.messages.native import MAX_PLACE_M, MAX_THETA_RAD, MAX_VARIANCE, SetPoseRequest
@@ -12,7 +13,6 @@ from yahboomd.core.messages.set_pose import covariance_problem, decode_pose
 from yahboomd.core.model import Motor
 from yahboomd.core.odometry.covariance import Covariance
 from yahboomd.core.odometry.integrator import Arc
-from yahboomd.tools.schemas.cdr_samples import pose_message
 
 UNIT = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 

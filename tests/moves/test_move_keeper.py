@@ -14,6 +14,7 @@ import msgspec
 import pytest
 from move_bench import MoveBench
 
+from make.schema_files.samples import NATIVE
 from yahboomd.client.move_messages import SOURCE, Move, MoveRequest, MoveSample
 from yahboomd.core.config import read
 from yahboomd.core.messages.codecs import encode
@@ -27,7 +28,6 @@ from yahboomd.core.messages.native import (
 from yahboomd.core.model import Twist2d
 from yahboomd.moves.move_keeper import MoveKeeper
 from yahboomd.simulation.virtual_time import on_virtual_time
-from yahboomd.tools.schemas.samples import NATIVE
 
 STEP_NS = 20_000_000
 EPOCH_NS = 1_700_000_000_000_000_000

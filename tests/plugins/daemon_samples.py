@@ -7,6 +7,7 @@ from typing import Any
 
 import msgspec
 
+from make.schema_files import samples
 from yahboomd.core.bus import keys
 from yahboomd.core.messages.codecs import NativeEncoding, encode
 from yahboomd.core.messages.native import (
@@ -17,7 +18,6 @@ from yahboomd.core.messages.native import (
     TwistSample,
     WheelsSample,
 )
-from yahboomd.tools.schemas import samples
 from yahboomd.tools.screens.dashboard import Dashboard
 
 STAMP_NS = 1_700_000_000_000_000_000

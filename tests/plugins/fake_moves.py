@@ -6,12 +6,12 @@ from typing import Any
 
 import msgspec
 
+from make.schema_files.move_samples import SAMPLES
 from yahboomd.client.move_messages import BEAT, CANCEL, MOVES, PAUSE, RESUME, START, MoveSample
 from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.services import BusQuery, Response
 from yahboomd.core.messages.codecs import encode
 from yahboomd.core.messages.native import ServiceReply
-from yahboomd.tools.schemas.move_samples import SAMPLES
 
 RUNNING: MoveSample = msgspec.structs.replace(
     SAMPLES["MoveSample"],  # type: ignore[arg-type]

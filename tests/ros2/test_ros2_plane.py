@@ -14,11 +14,11 @@ from real_robot import PATIENCE_S, Client, RealRobot, wait_for
 from ros_oracle import Oracle
 from zenoh_fixtures import late_subscriber
 
+from make.schema_files.cdr_samples import pose_message
 from yahboomd.core.config import read
 from yahboomd.core.messages import cdr
 from yahboomd.ros2.messages import ros2_encoders, ros2_names
 from yahboomd.ros2.ros2_plane import topics
-from yahboomd.tools.schemas.cdr_samples import pose_message
 
 pytestmark = pytest.mark.realtime
 

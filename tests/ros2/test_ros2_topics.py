@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from make.schema_files import cdr_samples
 from yahboomd.ros2 import ros2_topics
 from yahboomd.ros2.messages.rcl_interfaces import ParameterServer
 from yahboomd.ros2.messages.ros2_names import TWIST, TWIST_STAMPED, TYPE_HASHES
 from yahboomd.ros2.ros2_topics import RECEIVED, ROS_TOPICS, SERVICES
-from yahboomd.tools.schemas import cdr_samples
 
 TYPES = {
     *(topic.ros_type for topic in ROS_TOPICS.values()),

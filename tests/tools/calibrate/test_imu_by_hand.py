@@ -11,6 +11,7 @@ from typing import Any
 import msgspec
 import pytest
 
+from make.schema_files.samples import NATIVE
 from yahboomd.client.services import Answer
 from yahboomd.core.config import Config, Loaded
 from yahboomd.core.errors import Refused
@@ -23,7 +24,6 @@ from yahboomd.tools.calibrate.calibration import calibrate
 from yahboomd.tools.calibrate.choices import HandTurns
 from yahboomd.tools.calibrate.estimates.hand_turn import Mounted
 from yahboomd.tools.calibrate.imu_by_hand import show_mounted, turn_by_hand
-from yahboomd.tools.schemas.samples import NATIVE
 from yahboomd.tools.terminal.asking import Answers
 
 SENSOR = ImuSensor(

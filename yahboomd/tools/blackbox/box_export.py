@@ -17,7 +17,7 @@ from yahboomd.core.errors import Refused
 from yahboomd.core.messages.native import EventSample, event_sample
 from yahboomd.tools.blackbox.box_story import wall_clock
 from yahboomd.tools.record.mcap_files import Channel, McapFiles
-from yahboomd.tools.schemas.generate import schema
+from yahboomd.tools.schemas.message_schema import schema
 
 RECEIVED = "yahboomd/blackbox/received"
 WRITTEN = "yahboomd/blackbox/written"

@@ -18,7 +18,7 @@ from yahboomd.ros2.messages import ros2_names
 from yahboomd.ros2.messages.ros2_names import Qos
 from yahboomd.tools.record.mcap_files import Channel
 from yahboomd.tools.record.ros_definitions import definition
-from yahboomd.tools.schemas.generate import schema
+from yahboomd.tools.schemas.message_schema import schema
 
 if TYPE_CHECKING:
     from yahboomd.core.config import Config

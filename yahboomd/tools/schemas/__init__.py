@@ -1,1 +1,1 @@
-"""Files made from the code: schemas and golden samples of the messages, reference pages."""
+"""What messages, events and the configuration mean, in words and as schemas."""

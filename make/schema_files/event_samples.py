@@ -6,9 +6,9 @@ from typing import Any
 
 import msgspec
 
+from make.schema_files.samples import STAMP_NS
 from yahboomd.core.model import EventKind
 from yahboomd.tools.schemas.event_kinds import KINDS
-from yahboomd.tools.schemas.samples import STAMP_NS
 
 _EXAMPLES: dict[EventKind, tuple[str, dict[str, Any]]] = {
     "port_slow": ("The port sends 4000 bytes/s of 11520.", {"bytes_per_s": 4000}),

@@ -1,6 +1,6 @@
 """Writes ``schemas/`` from the Structs: schemas and samples for programs in other languages.
 
-``python -m yahboomd.tools.schemas.generate FOLDER`` writes them; ``--check`` compares, lists the
+``python -m make.schema_files.generate FOLDER`` writes them; ``--check`` compares, lists the
 differences, and exits with 1 if there are any. Equal Structs give equal bytes.
 """
 
@@ -12,36 +12,14 @@ import math
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
-import msgspec
-
+from make.schema_files import cdr_samples, event_samples, move_samples, samples
 from yahboomd.core.messages import codecs
-from yahboomd.tools.schemas import cdr_samples, event_samples, move_samples, samples
 from yahboomd.tools.schemas.event_kinds import EVENTS, KINDS
-
-DIALECT = "https://json-schema.org/draft/2020-12/schema"
-
+from yahboomd.tools.schemas.message_schema import schema
 
 PLAIN = {**samples.NATIVE, **move_samples.SAMPLES}
 """The golden samples of all messages but events with data."""
-
-EXACT_IN_A_DOUBLE = 2**53
-"""Type generators read a schema's numbers as doubles, which would change a larger bound."""
-
-
-def _none_of(*names: str) -> dict[str, Any]:
-    return {"properties": dict.fromkeys(names, False)}
-
-
-# A rule that a Struct cannot express: a command without any velocity is refused. Type generators
-# ignore `not`; from `anyOf` they would make a type for each branch.
-_EXTRA: dict[str, dict[str, Any]] = {
-    "VelocityCommand": {"not": _none_of("vx", "vy", "wz")},
-    "RosVelocityCommand": {
-        "not": {"properties": {"linear": _none_of("x", "y"), "angular": _none_of("z")}}
-    },
-}
 
 _README = """\
 # Schemas and golden samples
@@ -49,8 +27,8 @@ _README = """\
 For programs in any language that talk to yahboomd over Zenoh. The keys, and their timing, are in
 [`docs/bus.md`](../docs/bus.md). Everything here is generated, and checked by a test:
 
-    python -m yahboomd.tools.schemas.generate schemas            # write
-    python -m yahboomd.tools.schemas.generate --check schemas    # compare
+    make schemas          # write
+    make schemas-check    # compare
 
 | where | what |
 |---|---|
@@ -102,46 +80,6 @@ For programs in any language that talk to yahboomd over Zenoh. The keys, and the
 """
 
 
-def schema(message: type[msgspec.Struct]) -> dict[str, Any]:
-    """The JSON Schema of a message, with the message's own definition at the top level."""
-    name = message.__name__
-    generated = msgspec.json.schema(message)
-    definitions: dict[str, Any] = generated["$defs"]
-    own: dict[str, Any] = definitions.pop(name)
-    result = {"$schema": DIALECT, **own, **_EXTRA.get(name, {})}
-    # Python 3.13 strips a docstring's indentation and earlier versions keep it, so strip it here.
-    result["description"] = _unindented(own["description"])
-    if definitions:
-        for one in definitions.values():
-            one["description"] = _unindented(one["description"])
-        result["$defs"] = definitions
-    return {key: _for_generators(value) for key, value in result.items()}
-
-
-def _for_generators(node: object) -> Any:  # noqa: ANN401 - a schema is any JSON
-    """The same schema in forms that every type generator supports.
-
-    A list of fixed length becomes a plain list, because of a tuple they make ``never[]`` or code
-    that does not compile. A group of counters becomes an open object. A format marks 64 bits.
-    """
-    if isinstance(node, list):
-        return [_for_generators(item) for item in node]
-    if not isinstance(node, dict):
-        return node
-    form: dict[str, Any] = {key: _for_generators(value) for key, value in node.items()}
-    if "prefixItems" in form:
-        form["items"] = form.pop("prefixItems")[0]
-    if form.get("type") == "integer":
-        form["format"] = "int64"
-        if form.get("maximum", 0) > EXACT_IN_A_DOUBLE:
-            del form["maximum"]
-    if form.get("required") == []:
-        del form["required"]
-    if isinstance(form.get("additionalProperties"), dict):
-        form["additionalProperties"] = True
-    return form
-
-
 def generated() -> dict[str, bytes]:
     """Every file below the folder, by its path with forward slashes."""
     files = {"README.md": _readme().encode()}
@@ -178,7 +116,7 @@ def differences(expected: Mapping[str, bytes], found: Mapping[str, bytes]) -> li
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command; returns the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m yahboomd.tools.schemas.generate")
+    parser = argparse.ArgumentParser(prog="python -m make.schema_files.generate")
     parser.description = "Write JSON Schemas and golden samples of every message."
     parser.add_argument("folder", type=Path, help="their folder, such as schemas")
     parser.add_argument("--check", action="store_true", help="write nothing, list differences")
@@ -199,7 +137,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for line in lines:
         sys.stdout.write(f"{line}\n")
     if lines:
-        sys.stdout.write(f"run: python -m yahboomd.tools.schemas.generate {folder}\n")
+        sys.stdout.write("run: make schemas\n")
     return 1 if lines else 0
 
 
@@ -214,10 +152,6 @@ def _without_nan(value: object) -> object:
     if isinstance(value, list):
         return [_without_nan(item) for item in value]
     return "NaN" if isinstance(value, float) and math.isnan(value) else value
-
-
-def _unindented(text: str) -> str:
-    return "\n".join(line.strip() for line in text.splitlines())
 
 
 def _kinds(event: str) -> str:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from make.schema_files.samples import IMU, POSE, STAMP_NS, TWIST, WHEELS
 from yahboomd.core.messages import cdr
 from yahboomd.core.model import (
     ImuEstimate,
@@ -18,7 +19,6 @@ from yahboomd.core.model import (
 )
 from yahboomd.ros2.messages import planar, ros2_encoders, ros2_names
 from yahboomd.ros2.messages.rcl_interfaces import LEVELS, log
-from yahboomd.tools.schemas.samples import IMU, POSE, STAMP_NS, TWIST, WHEELS
 
 _STAMP = {"sec": 1_700_000_000, "nanosec": 123_456_789}
 

@@ -1,6 +1,6 @@
 """Makes the pages ``docs/events.md`` and ``docs/status.md`` from their registries.
 
-``python -m yahboomd.tools.schemas.reference_pages events`` prints one; ``make schemas`` writes
+``python -m make.schema_files.reference_pages events`` prints one; ``make schemas`` writes
 both.
 """
 

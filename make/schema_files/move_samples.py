@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import msgspec
 
+from make.schema_files.samples import STAMP_NS
 from yahboomd.client.move_messages import Move, MoveBeat, MoveChoice, MoveRequest, MoveSample
-from yahboomd.tools.schemas.samples import STAMP_NS
 
 ID = "5f1c09ab"
 
