@@ -18,6 +18,7 @@ PARALLEL = -n $(WORKERS) --dist loadgroup
 # Suites in other languages have a short form, with SHORT=1.
 TIERS = $(if $(SHORT),-m "not nightly")
 # Suites with targets of their own: they need programs of other languages.
+EXTRAS := extras/fleet
 OWN_TARGETS := interop generators clients browser firmware system
 # Whole simulated robots, which `make quick` leaves out.
 WHOLE_ROBOTS := faults whole benchmarks tools/calibrate tools/setup tools/tune moves/test_mover.py
@@ -35,8 +36,8 @@ $(VENV)/.run: pyproject.toml make/bootstrap.py $(wildcard .git/logs/HEAD)
 	@$(PYTHON) make/bootstrap.py $(VENV) monitor,web
 	@touch $@
 
-$(VENV)/.dev: pyproject.toml make/bootstrap.py
-	@$(PYTHON) make/bootstrap.py $(VENV) dev
+$(VENV)/.dev: pyproject.toml $(wildcard extras/*/pyproject.toml) make/bootstrap.py
+	@$(PYTHON) make/bootstrap.py $(VENV) dev $(EXTRAS)
 	@touch $@ $(VENV)/.run
 
 ##@ Use it
@@ -55,7 +56,7 @@ test: fixed ## five minutes: every claim of the daemon once, with one real proce
 
 test-all: fixed ## hours: also every case of each fault, the other languages, ROS 2, the browser, the firmwares, the installed service
 	$(PYTEST) $(PARALLEL) --hypothesis-profile=many $(REST)
-	@$(MAKE) --no-print-directory interop clients generators browser firmware site system-test
+	@$(MAKE) --no-print-directory fleet interop clients generators browser firmware site system-test fleet-rollout
 
 fixed: $(VENV)/.dev
 	@$(MAKE) --no-print-directory -j lint types imports schemas-check tests/__pycache__
@@ -75,6 +76,7 @@ types: $(VENV)/.dev ## mypy, strict; the client as on Python 3.10
 
 imports: $(VENV)/.dev ## which room may import which
 	$(BIN)/lint-imports
+	@for extra in $(EXTRAS); do (cd $$extra && $(abspath $(BIN))/lint-imports) || exit 1; done
 
 schemas: $(VENV)/.dev ## write schemas/, generated pages of docs/, man pages and completions
 	$(PY) -m make.schema_files.generate schemas
@@ -83,12 +85,16 @@ schemas: $(VENV)/.dev ## write schemas/, generated pages of docs/, man pages and
 	$(PY) -m yahboomd config reference > docs/configuration.md
 	$(PY) -m yahboomd config reference --toml > config.toml
 	$(PY) -m yahboomd.cli.shell.shared_files share
+	$(PY) -m yahboomd.cli.shell.shared_files extras/fleet/share fleet
 
 schemas-check: $(VENV)/.dev
 	$(PY) -m make.schema_files.generate --check schemas
 
 ##@ Suites that need other languages, or more time (.ci/run runs their short forms)
-.PHONY: interop interop-figures ros-programs generators clients browser firmware firmware-long metrics fuzz mutants planted-faults soak alarms
+.PHONY: fleet interop interop-figures ros-programs generators clients browser firmware firmware-long metrics fuzz mutants planted-faults soak alarms
+fleet: $(VENV)/.dev ## the package yahboomd-fleet: its access rules on real routers, its stop, its page (SHORT=1: in a minute)
+	$(PYTEST) $(PARALLEL) $(TIERS) extras/fleet/tests $(ARGS)
+
 # Its peers keep the cores busier than what waits elsewhere.
 interop: WORKERS = $(shell getconf _NPROCESSORS_ONLN)
 interop: $(VENV)/.dev ## build the real ROS 2 peers once (in a cache outside the tree), drive through them (SHORT=1: in a minute and a half)
@@ -157,7 +163,7 @@ every-board: $(VENV)/.dev ## every fault on the binary board of the tests too (f
 	YAHBOOMD_EVERY_BOARD=1 $(PYTEST) $(PARALLEL) -q -m "not realtime" -k binary tests/faults tests/whole tests/link $(ARGS)
 
 .PHONY: fleet-rollout
-fleet-rollout: $(VENV)/.dev ## packaging/ansible on three robots with real systemd, in containers over ssh: good and bad files and versions (root; ten minutes)
+fleet-rollout: $(VENV)/.dev ## extras/fleet/ansible on three robots with real systemd, in containers over ssh: good and bad files and versions (root; ten minutes)
 	@$(PY) make/fleet_rollout.py $(ARGS)
 
 .PHONY: wirings

@@ -78,9 +78,9 @@ def works(python):
 
 
 def main():
-    if len(sys.argv) != 3:
-        fail("usage: bootstrap.py FOLDER EXTRAS")
-    folder, extras = sys.argv[1], sys.argv[2]
+    if len(sys.argv) < 3:
+        fail("usage: bootstrap.py FOLDER EXTRAS [PACKAGE ...]")
+    folder, extras, packages = sys.argv[1], sys.argv[2], sys.argv[3:]
     base = check()
     python = os.path.join(folder, "bin", "python")
     if not works(python):
@@ -94,8 +94,11 @@ def main():
             fail("the virtual environment could not be made in %s; see above." % folder)
     sys.stdout.write("yahboomd: installing its packages (a minute, the first time)\n")
     sys.stdout.flush()
-    target = ".[%s]" % extras if extras else "."
-    pip = [python, "-m", "pip", "--disable-pip-version-check", "install", "--quiet", "-e", target]
+    targets = [".[%s]" % extras if extras else "."]
+    targets.extend(packages)
+    pip = [python, "-m", "pip", "--disable-pip-version-check", "install", "--quiet"]
+    for target in targets:
+        pip += ["-e", target]
     if subprocess.call(pip) != 0:
         fail("pip could not install the packages; its own words are above. Is there a network?")
 

@@ -1,4 +1,4 @@
-"""`make fleet-rollout`: tests the rollout of packaging/ansible on robots with a real systemd.
+"""`make fleet-rollout`: tests the rollout of extras/fleet/ansible on robots with a real systemd.
 
 Prepares what `make system-test` does, and beside it, in the same cache:
 
@@ -35,7 +35,13 @@ def main() -> int:
         sys.stderr.write(f"fleet-rollout: not run: {why}\n")
         return 1
     return subprocess.call(
-        [sys.executable, "-m", "pytest", "tests/system/test_fleet_rollout.py", *sys.argv[1:]],
+        [
+            sys.executable,
+            "-m",
+            "pytest",
+            "extras/fleet/tests/system",
+            *sys.argv[1:],
+        ],
         cwd=TREE,
         env={
             **os.environ,

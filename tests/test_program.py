@@ -58,11 +58,14 @@ def test_an_extra_is_installed_into_the_environment_that_runs_and_from_its_own_s
 ) -> None:
     source = Path(program.__file__).parents[2]
     assert program.install_command("web") == (f".venv/bin/python -m pip install '{source}[web]'")
+    assert program.install_command("fleet").endswith(f" install {source}/extras/fleet")
     monkeypatch.setattr("sys.executable", f"{source}/.venv/bin/python")
     monkeypatch.chdir(source)
     assert program.install_command("web") == ".venv/bin/python -m pip install '.[web]'"
+    assert program.install_command("fleet").endswith(" install ./extras/fleet")
     monkeypatch.setattr(program, "__file__", str(own.with_name("yahboomd") / "core/program.py"))
     assert program.install_command("web").endswith("install 'yahboomd[web]'")
+    assert program.install_command("fleet").endswith("install yahboomd-fleet")
     # A service's folder: its words are read elsewhere.
     monkeypatch.chdir("/")
     assert program.install_command("web").startswith(f"{source}/.venv/bin/python -m")

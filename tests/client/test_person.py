@@ -6,32 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.cli.main import main
 from yahboomd.client.services import own_source, person_in
 
-FLEET = """
-fleet = "farm"
-[sites.north]
-router = "127.0.0.1:7447"
-[robots.bot1]
-site = "north"
-[people.anna]
-role = "operator"
-"""
 
-
-def test_the_name_is_that_of_the_persons_file_and_no_robots_or_routers_file_has_one(
-    tmp_path: Path,
-) -> None:
-    (tmp_path / "fleet.toml").write_text(FLEET)
-    assert main(["fleet", "init", str(tmp_path / "fleet.toml")]) == 0
-    made = tmp_path / "fleet"
-    assert person_in(made / "people/anna.json5") == "anna"
-    assert person_in(str(made / "people/anna.json5")) == "anna"
-    assert person_in(made / "robots/bot1.json5") == ""
-    assert person_in(made / "routers/north.json5") == ""
+def test_the_name_is_that_of_the_persons_file(tmp_path: Path) -> None:
+    papers = tmp_path / "anna.json5"
+    papers.write_text('// Keep it secret.\n{"metadata": {"yahboomd_fleet": {"person": "anna"}}}')
+    assert person_in(papers) == person_in(str(papers)) == "anna"
     assert own_source("anna") == "cmd_vel/anna"
-    assert person_in(None) == person_in(made / "absent.json5") == ""
+    assert person_in(None) == person_in(tmp_path / "absent.json5") == ""
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,7 @@ from yahboomd.client.connection import client_options
 from yahboomd.core.clock import SystemClock
 from yahboomd.core.config import read
 from yahboomd.web.page_hub import PageHub
-from yahboomd.web.page_tools import ToolSettings
+from yahboomd.web.page_tools import RobotList, ToolSettings
 from yahboomd.web.session_files import PREFIX, Role, StoredSession, digest, keep, make_entry
 from yahboomd.web.web_application import FOLDER, RequestOrigin, WebApplication, page_files
 from yahboomd.web.web_server import WebServer, listen
@@ -146,7 +146,7 @@ class Site:
         namespace: str = "",
         folder: Path = FOLDER,
         camera: str = "",
-        fleet: Path | None = None,
+        fleet: RobotList | None = None,
     ) -> None:
         clock = clock or SystemClock()
         self._listener = listen("127.0.0.1", 0)

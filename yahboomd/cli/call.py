@@ -96,7 +96,7 @@ async def _call(robot: AsyncRobot, service: str, request: bytes) -> int:
     from yahboomd.client.services import read_answers
     from yahboomd.core.bus import keys
     from yahboomd.core.errors import NoDaemon
-    from yahboomd.tools.fleet.people_keys import NAMED
+    from yahboomd.tools.people.people_keys import NAMED
     from yahboomd.tools.robot.on_bus import one_line
 
     key = f"yahboomd/{service}"

@@ -2,7 +2,7 @@
 
 Each subcommand is a module of its name, a :class:`CommandModule`, imported only when it is used. So
 ``yahboomd --help`` does not wait for Zenoh, and if one command's extras are missing, the others
-work.
+work. Other packages bring more of them: see :mod:`yahboomd.cli.packages`.
 """
 
 from __future__ import annotations
@@ -16,13 +16,16 @@ import io
 import os
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from types import ModuleType
-from typing import NoReturn, Protocol, TypeAlias, cast
+from typing import TYPE_CHECKING, NoReturn, Protocol, TypeAlias, cast
 
 from yahboomd import __version__
 from yahboomd.core.errors import LimitError, YahboomdError
-from yahboomd.core.program import COMMANDS, install_command, pasteable, readable
+from yahboomd.core.program import COMMANDS, PACKAGES, install_command, pasteable, readable
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 EXTRAS = {
     "rich": "monitor",
@@ -31,9 +34,9 @@ EXTRAS = {
     "numpy": "calibrate",
     "mcap": "record",
     **dict.fromkeys(("starlette", "uvicorn", "websockets", "segno"), "web"),
-    "cryptography": "fleet",
+    "yahboomd-fleet": "fleet",
 }
-"""Optional packages, with the name of the extra that installs each."""
+"""Optional packages, with what installs each: an extra, or one of ``PACKAGES``."""
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 """The errors of a full disk."""
@@ -214,17 +217,21 @@ def _drop_output() -> None:
 def _dispatch(arguments: list[str]) -> int:
     name = next((word for word in arguments if not word.startswith("-")), None)
     parser, subparsers = _bare_parser()
+    packaged, lines = _of_packages() if _looks_further(name, arguments) else ({}, COMMANDS)
     command: CommandModule | None = None
-    for known, line in COMMANDS.items():
+    for known, line in lines.items():
         if known == name:
             try:
-                command = _load(known)
+                command = _load(known, packaged)
             except ModuleNotFoundError as error:
                 _print_error(_missing(known, error))
                 return os.EX_UNAVAILABLE
-            _add(subparsers, known, command)
+            _add(subparsers, known, line, command)
         else:
             subparsers.add_parser(known, help=line)
+    if name in PACKAGES and command is None:
+        _print_error(_missing(name, ModuleNotFoundError(name=f"yahboomd-{name}")))
+        return os.EX_UNAVAILABLE
     args, unknown = parser.parse_known_args(arguments)
     if unknown:
         # With the command's own usage, not that of all commands.
@@ -243,19 +250,37 @@ def _dispatch(arguments: list[str]) -> int:
         return os.EX_UNAVAILABLE
 
 
-def whole_parser() -> argparse.ArgumentParser:
-    """The parser with every command's options, for man pages and completions."""
+def _looks_further(name: str | None, arguments: list[str]) -> bool:
+    """Whether the commands of other packages are wanted: for their help, or as one of them."""
+    return "--version" not in arguments if name is None else name not in COMMANDS
+
+
+def _of_packages() -> tuple[dict[str, EntryPoint], dict[str, str]]:
+    """The commands of other packages, and the lines of all commands in the help."""
+    from yahboomd.cli import packages
+
+    found = packages.commands()
+    return found, COMMANDS | packages.lines(found)
+
+
+def whole_parser(*, installed: bool = False) -> argparse.ArgumentParser:
+    """The parser with every command's options, for man pages and completions.
+
+    Args:
+        installed: Also with the commands of other packages.
+    """
     parser, subparsers = _bare_parser()
-    for name in COMMANDS:
-        _add(subparsers, name, _load(name))
+    packaged, lines = _of_packages() if installed else ({}, COMMANDS)
+    for name, line in lines.items():
+        _add(subparsers, name, line, _load(name, packaged))
     return parser
 
 
-def _add(subparsers: Subparsers, name: str, command: CommandModule) -> None:
+def _add(subparsers: Subparsers, name: str, line: str, command: CommandModule) -> None:
     command.add_options(
         subparsers.add_parser(
             name,
-            help=COMMANDS[name],
+            help=line,
             description=command.DESCRIPTION,
             epilog=command.EPILOG,
             formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -280,7 +305,9 @@ def _bare_parser() -> tuple[argparse.ArgumentParser, Subparsers]:
     return parser, parser.add_subparsers(dest="command", metavar="COMMAND")
 
 
-def _load(name: str) -> CommandModule:
+def _load(name: str, packaged: Mapping[str, EntryPoint]) -> CommandModule:
+    if name in packaged:
+        return cast(CommandModule, packaged[name].load())
     if name == "run":
         _spare_openssl()
     return cast(CommandModule, importlib.import_module(_module(name)))

@@ -89,7 +89,7 @@ def _serve(args: argparse.Namespace, guard: int | None) -> int:
     from yahboomd.core.daemon.process import die_of
     from yahboomd.core.daemon.service import Daemon
     from yahboomd.ros2.ros2_plane import Ros2Plane
-    from yahboomd.tools.fleet.people_plane import PeoplePlane, people_of
+    from yahboomd.tools.people.people_plane import PeoplePlane, people_of
 
     loaded = read_config(args)
     configure(loaded.config.log.level, os.environ, sys.stderr)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from yahboomd.cli.shared_options import (
@@ -63,9 +62,6 @@ the bus: all of this machine, unless --port, --namespace, --config or --set name
 daemon holds the port, the command opens it: it stops the board, watches its counters until the
 wheels stand, and lets its motors go.
 
---all stops a fleet: it asks each robot until all acknowledged that the stop was sent to their
-boards, and prints who stands, who did not answer and who is not reachable.
-
 A stop that names nothing also ends every `setup` and `tune` of this machine, on whatever port and
 whatever daemon there is: each has a local socket, too. --port ends the one that has that port.
 """
@@ -77,14 +73,13 @@ examples:
   yahboomd stop --release              let a stopped daemon drive again
   yahboomd stop --connect tcp/192.168.1.5:7447
                                        a daemon on another machine
-  yahboomd stop --all                  every robot of the fleet that `yahboomd fleet` knows
+  yahboomd fleet stop                  every robot of a fleet (the package yahboomd-fleet)
   yahboomd stop --direct --port /dev/yahboom_driver
                                        after a daemon was killed: ExecStopPost= of a service
 
 exit status:
   0    the wheels stand; with --release: the emergency stop is released
-  1    they were stopped, and not seen to stand; with --all: some robot does not stand, or is
-       missing; with --release: it is refused
+  1    they were stopped, and not seen to stand; with --release: it is refused
   69   no port, or no daemon
   77   no permission
   78   a mistake in the configuration
@@ -106,18 +101,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="release the daemon's emergency stop, and clear a fault (refused while something "
         "commands motion)",
     )
-    how.add_argument(
-        "--all",
-        action="store_true",
-        help="stop every robot of a fleet, over its routers, and go on until each acknowledged; "
-        "Ctrl-C ends it",
-    )
-    parser.add_argument(
-        "--fleet",
-        metavar="FILE",
-        type=Path,
-        help="with --all: your file of `yahboomd fleet` (default: ~/.config/yahboomd/fleet.json5)",
-    )
     add_port_option(parser)
     add_bus_options(parser)
     add_config_options(parser)
@@ -125,8 +108,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Stop, or release the emergency stop."""
-    if args.all:
-        return _all(args.fleet)
     if args.release:
         return _release(args)
     if args.connect:
@@ -150,33 +131,6 @@ def _release(args: argparse.Namespace) -> int:
     answered = [robot for robot in found if not robot.silent and wanted.fits(robot)]
     print(f"{answered[0].name}: {words}" if len(answered) == 1 else words)
     return os.EX_OK
-
-
-def _all(named: Path | None) -> int:
-    import asyncio
-
-    from yahboomd.core.clock import SystemClock
-    from yahboomd.tools.fleet.fleet_list import read_list, standard_papers
-    from yahboomd.tools.fleet.fleet_stop import FleetStop
-    from yahboomd.tools.fleet.stop_all import StopAll
-
-    papers = named or standard_papers()
-    fleet = read_list(papers)
-    progress = FleetStop(fleet.robots)
-
-    # A reader that has left must not keep the robots driving.
-    def tell(words: str) -> None:
-        with contextlib.suppress(OSError):
-            warn(words)
-
-    with contextlib.suppress(OSError):
-        print(f"Stopping {len(fleet.robots)} robots. Ctrl-C ends it.", flush=True)
-    try:
-        asyncio.run(StopAll(fleet, papers, progress, tell, SystemClock()).run())
-    except KeyboardInterrupt:
-        warn("Ended: from now on nothing repeats the stop for the robots that are missing.")
-    print("\n".join(progress.report()))
-    return _status(progress.all_stand)
 
 
 def _needs_no_configuration(args: argparse.Namespace) -> bool:

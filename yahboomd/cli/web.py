@@ -10,9 +10,9 @@ import logging
 import os
 import re
 import signal
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 from yahboomd.cli.shared_options import (
     add_bus_options,
@@ -32,9 +32,10 @@ if TYPE_CHECKING:
     from ssl import SSLContext
 
     from yahboomd.core.bus.options import BusOptions
+    from yahboomd.core.clock import Clock
     from yahboomd.tools.metrics.http_listener import Place
     from yahboomd.web.page_hub import PageHub
-    from yahboomd.web.page_tools import ToolSettings
+    from yahboomd.web.page_tools import RobotList, ToolSettings
     from yahboomd.web.phone_sessions import Refusal
     from yahboomd.web.web_server import WebServer
 
@@ -176,10 +177,18 @@ def run(args: argparse.Namespace) -> int:
             recordings=folder / "recordings",
             load=lambda: read_config(args),
             camera=loaded.config.web.camera,
-            fleet=args.fleet,
+            fleet=_fleet(args.fleet) if args.fleet else None,
         ),
     )
     return asyncio.run(_serve(setup))
+
+
+def _fleet(papers: Path) -> RobotList:
+    from yahboomd.cli import packages
+    from yahboomd.core.clock import SystemClock
+
+    made = cast("Callable[[Path, Clock], RobotList]", packages.page_part("fleet"))
+    return made(papers, SystemClock())
 
 
 def state_folder(environ: Mapping[str, str], user_id: int) -> Path:

@@ -31,7 +31,6 @@ COMMANDS = {
     "replay": "play a black box to a daemon, or compute its poses again",
     "web": "serve the page that drives the robot from a phone",
     "blackbox": "explain why the robot stopped, by its last minute",
-    "fleet": "make certificates and access rules for many robots",
     "metrics": "serve the daemon's counters, for Prometheus and Grafana",
     "probe": "find the port, name the board, explain problems",
     "setup": "find out how the motors are connected, and write robot.toml",
@@ -45,13 +44,16 @@ COMMANDS = {
 }
 """Every subcommand with its line in the help."""
 
+PACKAGES = ("fleet",)
+"""Subcommands that other packages bring: yahboomd-fleet, which is `extras/fleet` of the source."""
+
 STANDARD_LISTEN = "tcp/127.0.0.1:7448"
 """The endpoint on which a daemon listens by default; commands connect to it."""
 
 STANDARD_PATH = Path("/etc/yahboomd/config.toml")
 """The configuration that is read if no file is named, and it exists."""
 
-_PASTED = re.compile(rf"(?<![\w/.-])yahboomd (?=(?:{'|'.join(COMMANDS)})\b)")
+_PASTED = re.compile(rf"(?<![\w/.-])yahboomd (?=(?:{'|'.join((*COMMANDS, *PACKAGES))})\b)")
 
 
 def readable(text: str) -> str:
@@ -102,12 +104,13 @@ def pasteable(text: str) -> str:
 
 
 def install_command(extra: str) -> str:
-    python = Path(sys.executable)
+    """The command that installs an extra of yahboomd, or one of ``PACKAGES``."""
     source = Path(__file__).parents[2]
-    package = "yahboomd"
+    package = f"yahboomd-{extra}" if extra in PACKAGES else f"yahboomd[{extra}]"
     if (source / "pyproject.toml").is_file():
-        package = "." if _from_here(source) == Path() else str(source)
-    return shlex.join([str(_from_here(python)), "-m", "pip", "install", f"{package}[{extra}]"])
+        place = "." if _from_here(source) == Path() else str(source)
+        package = place + (f"/extras/{extra}" if extra in PACKAGES else f"[{extra}]")
+    return shlex.join([str(_from_here(Path(sys.executable))), "-m", "pip", "install", package])
 
 
 def release_command(namespace: str, listen: Sequence[str]) -> str:

@@ -33,7 +33,6 @@ from yahboomd.web.page_commands import (
     PageRefusal,
     Wanted,
 )
-from yahboomd.web.page_fleet import PageFleet
 from yahboomd.web.page_moves import NO_MOVES, PageMoves
 from yahboomd.web.page_session import (
     Control,
@@ -122,7 +121,7 @@ class PageHub:
         )
         self.moves = PageMoves(self.robot, lambda: self._show({"move": self.moves.shown()}))
         self.camera = CameraFeed(settings.camera, clock) if settings.camera else None
-        self.fleet = PageFleet(settings.fleet, clock) if settings.fleet else None
+        self.fleet = settings.fleet
         self._aims = False
         self._has_moves, self._problem = False, ""
         self._commands = PageCommands(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any, Protocol
 
 import msgspec
 
@@ -16,6 +17,19 @@ from yahboomd.web.page_recordings import PageRecordings
 from yahboomd.web.page_session import Tool
 
 
+class RobotList(Protocol):
+    """Other robots, which a page lists and stops: those of a fleet, by the package of that."""
+
+    def shown(self) -> dict[str, Any]:
+        """What each robot does, and the progress of a stop, for `page/fleet.js`."""
+
+    def stop(self) -> None:
+        """Begin to stop all of them; again if that is under way."""
+
+    async def close(self) -> None:
+        """End looking and stopping."""
+
+
 class ToolSettings(msgspec.Struct, frozen=True, kw_only=True):
     """The surroundings of the commands that pages start.
 
@@ -23,14 +37,14 @@ class ToolSettings(msgspec.Struct, frozen=True, kw_only=True):
         robot: Options with the daemon's address, for every command that talks to it.
         load: Reads the configuration of the robot's machine anew.
         camera: The address of the robot's camera; empty if it has none.
-        fleet: A person's file with the robots of a fleet; None if pages show no other robots.
+        fleet: The robots of a fleet; None if pages show no other robots.
     """
 
     robot: tuple[str, ...]
     recordings: Path
     load: Callable[[], Loaded]
     camera: str = ""
-    fleet: Path | None = None
+    fleet: RobotList | None = None
 
 
 class PageTools:

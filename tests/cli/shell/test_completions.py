@@ -60,4 +60,4 @@ def test_a_shell_finds_no_mistake_in_its_script(name: str) -> None:
 @pytest.mark.parametrize("shell", SCRIPTS)
 def test_it_prints_the_script_of_a_shell(shell: str, capsys) -> None:
     assert main(["completions", shell]) == 0
-    assert capsys.readouterr().out == SCRIPTS[shell](whole())
+    assert capsys.readouterr().out == SCRIPTS[shell](whole(installed=True))

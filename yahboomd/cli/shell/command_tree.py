@@ -149,8 +149,8 @@ def _kind(names: tuple[str, ...], choices: tuple[str, ...]) -> Kind:
     return "folder" if names[0] in FOLDERS else "value"
 
 
-def whole() -> CommandNode:
-    """The whole command line of yahboomd."""
+def whole(*, installed: bool = False) -> CommandNode:
+    """The whole command line of yahboomd; ``installed``: also of the packages beside it."""
     from yahboomd.cli.main import whole_parser
 
-    return describe(whole_parser())
+    return describe(whole_parser(installed=installed))

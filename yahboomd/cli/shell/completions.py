@@ -122,7 +122,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the script."""
-    print(SCRIPTS[args.shell](whole()), end="")
+    print(SCRIPTS[args.shell](whole(installed=True)), end="")
     return os.EX_OK
 
 

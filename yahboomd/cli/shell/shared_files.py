@@ -1,6 +1,7 @@
 """Writes the files below a folder ``share``: man pages, and completions for three shells.
 
-``python -m yahboomd.cli.shell.shared_files FOLDER`` writes them.
+``python -m yahboomd.cli.shell.shared_files FOLDER`` writes them. With the name of a command of
+another package behind it, it writes the man page of that command alone.
 """
 
 from __future__ import annotations
@@ -14,8 +15,11 @@ from yahboomd.cli.shell.completions import PLACES, SCRIPTS
 from yahboomd.cli.shell.manual import pages
 
 
-def shared_files() -> dict[str, str]:
-    """The text of each file by its path below ``share``."""
+def shared_files(command: str = "") -> dict[str, str]:
+    """The text of each file by its path below ``share``; of a package's command its man page."""
+    if command:
+        page = f"yahboomd-{command}.1"
+        return {f"man/man1/{page}": pages(whole(installed=True))[page]}
     top = whole()
     texts = {f"man/man1/{name}": text for name, text in pages(top).items()}
     return texts | {place: SCRIPTS[shell](top) for shell, place in PLACES.items()}
@@ -24,7 +28,7 @@ def shared_files() -> dict[str, str]:
 def main(argv: Sequence[str]) -> int:
     """Write every file below the given folder, and remove all others there."""
     folder = Path(argv[0])
-    texts = shared_files()
+    texts = shared_files(*argv[1:])
     for old in [path for path in folder.rglob("*") if path.is_file()]:
         if str(old.relative_to(folder)) not in texts:
             old.unlink()
