@@ -6,7 +6,7 @@ import pytest
 
 from yahboomd.core.config import Config
 from yahboomd.simulation.options import FOUR_WHEELS, TWO_WHEELS, check
-from yahboomd.tools.replay.simulated_robot import as_configured
+from yahboomd.tools.robot.simulated_robot import as_configured
 
 
 def test_the_default_configuration_is_the_usual_robot() -> None:

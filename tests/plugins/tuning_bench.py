@@ -14,7 +14,7 @@ from yahboomd.core.protocol.dialect import Dialect
 from yahboomd.core.protocol.settings import BoardSettings
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
-from yahboomd.tools.replay.simulated_robot import as_configured
+from yahboomd.tools.robot.simulated_robot import as_configured
 from yahboomd.tools.tune.estimates.step_response import StepFigures, figures
 from yahboomd.tools.tune.procedure import Procedure
 from yahboomd.tools.tune.stand import Stand

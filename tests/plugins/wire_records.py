@@ -150,41 +150,6 @@ class WireBench(FaultBench):
         return port
 
 
-class DevicePort(BoardPort):
-    """A port with any device behind it, on virtual time."""
-
-    def __init__(self, device) -> None:
-        super().__init__(_Robot(device))
-
-
-class _Robot:
-    """The part of a robot that a memory port needs, by any device."""
-
-    def __init__(self, device) -> None:
-        self.device = device
-        self.started = False
-        self.plugged = True
-        self.options = SimulationOptions()
-        self.host_wrote, self.host_backlog_ns = device.host_wrote, device.host_backlog_ns
-        self.host_reads = device.host_reads
-
-    def start(self, now_ns: int) -> None:
-        self.started = True
-        self.device.start(now_ns)
-
-    @property
-    def next_ns(self) -> int:
-        return self.device.next_ns
-
-    @property
-    def on_plug(self):
-        return self.device.on_plug
-
-    @on_plug.setter
-    def on_plug(self, call) -> None:
-        self.device.on_plug = call
-
-
 SIZE = 1 << 20
 
 

@@ -1,4 +1,4 @@
-"""``yahboomd replay``: plays a black box to a daemon, or computes its poses again."""
+"""``yahboomd replay``: computes the poses of a black box again."""
 
 from __future__ import annotations
 
@@ -26,45 +26,39 @@ COLUMNS = (
 """The columns of a table of poses: Unix and monotonic nanoseconds, metres, radians, seconds."""
 
 DESCRIPTION = """\
-Play a black box again. With --link its board is on a pseudo-terminal: it answers questions for
-its identity, then sends the recorded bytes with the same timing. Commands for the wheels are
-counted and turn nothing. With --odometry its bytes become poses again, by the same code as in the
-daemon, and are compared with the daemon's poses.
+Compute the poses of a black box again: its bytes become poses by the same code as in the daemon,
+and are compared with the daemon's poses.
 """
 
 EPILOG = """\
 examples:
   yahboomd replay 12.blackbox --odometry
   yahboomd replay 12.blackbox --odometry --output poses.csv
-  yahboomd replay 12.blackbox --link /tmp/board    in one terminal
-  yahboomd run --port /tmp/board                 in another one
 
 exit status:
-  0    played, or ended by Ctrl-C; or the same poses as the daemon's, within 1e-9
+  0    the same poses as the daemon's, within 1e-9
   1    other poses or events than the daemon's
-  65   no black box, or nothing in it that could be played
+  65   no black box, or no pose can be computed from it
   66   the file cannot be read
-  78   the link, or the output, cannot be made
+  78   the output cannot be written
 """
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("file", metavar="FILE", type=Path, help="a black box")
-    how = parser.add_mutually_exclusive_group(required=True)
-    how.add_argument("--link", metavar="PATH", type=Path, help="be a port with this name")
-    how.add_argument("--odometry", action="store_true", help="compute the poses")
+    parser.add_argument("--odometry", action="store_true", required=True, help="compute the poses")
     parser.add_argument(
         "--output",
         metavar="FILE",
         type=Path,
-        help="with --odometry, write every pose: .csv, or .jsonl for a JSON object a line",
+        help="write every pose: .csv, or .jsonl for a JSON object a line",
     )
     parser.add_argument("--json", action="store_true", help="print the result as one line of JSON")
 
 
 class Unplayable(YahboomdError):
-    """A file holds nothing to play."""
+    """No pose can be computed from a file."""
 
     exit_code = os.EX_DATAERR
 
@@ -76,32 +70,13 @@ class Unreadable(YahboomdError):
 
 
 def run(args: argparse.Namespace) -> int:
-    """Play it."""
-    if args.output is not None:
-        _check_output(args)
-    box = _read(args.file)
-    if args.odometry:
-        return _compute(box, args)
-    from yahboomd.tools.replay.recorded_wire import connections
-    from yahboomd.tools.replay.replay_port import be_a_port
-
-    recorded = connections(box.records)
-    if not recorded:
-        raise Unplayable(
-            f"{args.file}: no board was connected in it.",
-            remedy="`yahboomd blackbox explain` shows what happened instead.",
-        )
-    return be_a_port(recorded, box.header, args.link, as_json=args.json)
-
-
-def _check_output(args: argparse.Namespace) -> None:
-    if not args.odometry:
-        raise ConfigError("--output belongs to --odometry: a port writes no poses.")
-    if args.output.suffix not in {".csv", ".jsonl"}:
+    """Compute the poses, and compare them."""
+    if args.output is not None and args.output.suffix not in {".csv", ".jsonl"}:
         raise ConfigError(
             f"--output {args.output}: its name has to end in .csv, or in .jsonl for a JSON object "
             "a line."
         )
+    return _compute(_read(args.file), args)
 
 
 def _read(path: Path) -> Box:

@@ -266,7 +266,7 @@ async def _serve(robot: SimulatedRobot, args: argparse.Namespace) -> int:
 def _options(args: argparse.Namespace) -> SimulationOptions:
     robot = _given(args)
     if args.config or args.overrides:
-        from yahboomd.tools.replay.simulated_robot import as_configured
+        from yahboomd.tools.robot.simulated_robot import as_configured
 
         robot = as_configured(read_config(args).config, robot)
     if not args.flash:

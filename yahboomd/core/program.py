@@ -28,7 +28,7 @@ COMMANDS = {
     "events": "print events as they happen",
     "record": "write the messages of the bus to MCAP files",
     "plot": "draw a recording",
-    "replay": "play a black box to a daemon, or compute its poses again",
+    "replay": "compute the poses of a black box again",
     "web": "serve the page that drives the robot from a phone",
     "blackbox": "explain why the robot stopped, by its last minute",
     "metrics": "serve the daemon's counters, for Prometheus and Grafana",

@@ -71,7 +71,6 @@ class PtyPort:
         name: The path, such as ``/dev/pts/5``; empty while unplugged.
         dropped_bytes: The board's bytes that no host took.
         on_heard: Takes the host's bytes, and their time.
-        on_host: Called when a process has opened the port, or the last one has closed it.
         ended: Done with the exception if the port fails.
 
     Args:
@@ -84,7 +83,6 @@ class PtyPort:
         self.name = ""
         self.dropped_bytes = 0
         self.on_heard: Callable[[bytes, int], None] | None = None
-        self.on_host: Callable[[bool], None] | None = None
         self.ended: asyncio.Future[None]
         self._clock = SystemClock()
         self._loop: asyncio.AbstractEventLoop
@@ -177,10 +175,7 @@ class PtyPort:
             self._stop_reading()
 
     def _host_is_there(self) -> None:
-        if not self._host:
-            self._host = True
-            if self.on_host is not None:
-                self.on_host(True)
+        self._host = True
         if not self._reading:
             self._reading = True
             self._loop.add_reader(self._master, self._readable)
@@ -190,8 +185,6 @@ class PtyPort:
         if not self._host:
             return
         self._host = False
-        if self.on_host is not None:
-            self.on_host(False)
         # The next host must not read bytes that were meant for this one.
         with contextlib.suppress(OSError, termios.error):
             slave = os.open(self.name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)

@@ -1,1 +1,1 @@
-"""``yahboomd replay``: plays a recorded board on a pseudo-terminal, or computes its poses again."""
+"""``yahboomd replay``: computes the poses of a black box again."""
