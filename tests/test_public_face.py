@@ -32,7 +32,7 @@ def yaml(path: Path) -> Any:
 def texts() -> dict[Path, str]:
     """The project's own files that are text."""
     top = [path for path in ROOT.iterdir() if path.is_file() and path.name != ".git"]
-    folders = (".ci", ".github", "docs", "examples", "make", "packaging", "ros2", "schemas")
+    folders = (".ci", ".github", "docs", "examples", "make", "packaging", "schemas")
     folders += ("extras", "share", "systemd", "tests", "yahboomd", "benchmarks")
     found = {}
     for path in (*top, *(each for name in folders for each in (ROOT / name).rglob("*"))):

