@@ -86,8 +86,8 @@ DEAD_SHARE = 0.33
 UNSEEN_S = 0.6
 """A wheel that no counter shows stops within this time of full output, else in proportion."""
 
-SPEED_NS = 15_000_000
-"""The counters are renewed every 10 ms: a speed is a mean over this time at least."""
+SPEED_NS = 8_000_000
+"""A speed is a mean over this time at least, to a new count: counters are renewed every 10 ms."""
 
 
 class Pulse(msgspec.Struct, frozen=True, kw_only=True):
@@ -352,7 +352,7 @@ class Pulses:
                 end_ns = min(until_ns, start_ns + nanoseconds(LONGEST_S))
                 if turns * self._ticks >= bound or now_ns >= end_ns:
                     break
-                if now_ns - then_ns >= SPEED_NS:
+                if turns > then and now_ns - then_ns >= SPEED_NS:
                     rolls = (turns - then) / seconds(now_ns - then_ns) * rolls_s
                     if turns + rolls >= TURNS * self._least / self._ticks:
                         break
