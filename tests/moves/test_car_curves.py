@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from yahboomd.core.model import Pose2d
-from yahboomd.moves.motion.car_curves import shortest, to_point
-from yahboomd.moves.motion.move_course import Course, wrapped
+from yahboomd.moves.motion.move_course import Course, car_path, car_path_to_point, wrapped
 
 RADIUS_M = 0.25
 places = st.floats(-2.0, 2.0)
@@ -20,7 +19,7 @@ poses = st.builds(Pose2d, x=places, y=places, theta=angles)
 
 @given(poses, poses)
 def test_they_end_at_the_goal_in_curves_that_the_car_can_drive(begin: Pose2d, goal: Pose2d) -> None:
-    pieces = shortest(begin, goal, RADIUS_M)
+    pieces = car_path(begin, goal, RADIUS_M)
     end = Course(begin, pieces or [(0.0, 0.0)]).end
     assert math.hypot(end.x - goal.x, end.y - goal.y) < 1e-4
     assert abs(wrapped(end.direction - goal.theta)) < 1e-4
@@ -32,13 +31,13 @@ def test_they_end_at_the_goal_in_curves_that_the_car_can_drive(begin: Pose2d, go
 
 
 def test_straight_ahead_is_straight() -> None:
-    assert shortest(Pose2d(), Pose2d(x=2.0), RADIUS_M) == [(pytest.approx(2.0), 0.0)]
+    assert car_path(Pose2d(), Pose2d(x=2.0), RADIUS_M) == [(pytest.approx(2.0), 0.0)]
 
 
 def test_a_point_is_reached_with_any_heading_by_a_shorter_way() -> None:
-    pieces = to_point(Pose2d(), 0.0, 1.0, RADIUS_M)
+    pieces = car_path_to_point(Pose2d(), 0.0, 1.0, RADIUS_M)
     end = Course(Pose2d(), pieces).end
     assert math.hypot(end.x, end.y - 1.0) < 1e-6
     any_way = sum(length for length, _ in pieces)
-    straight_on = sum(length for length, _ in shortest(Pose2d(), Pose2d(y=1.0), RADIUS_M))
+    straight_on = sum(length for length, _ in car_path(Pose2d(), Pose2d(y=1.0), RADIUS_M))
     assert any_way < straight_on - 0.1

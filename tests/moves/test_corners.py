@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from yahboomd.moves.motion.corners import distinct, rounded
+from yahboomd.moves.motion.move_course import distinct, rounded
 
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
 

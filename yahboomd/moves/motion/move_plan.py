@@ -9,12 +9,19 @@ import msgspec
 
 from yahboomd.client.move_messages import Move
 from yahboomd.core.model import Pose2d
-from yahboomd.moves.motion import car_curves
 from yahboomd.moves.motion.base_limits import NARROWEST, Base, turn_limits, way_limits
-from yahboomd.moves.motion.corners import TIGHTEST_M, Point, distinct, rounded
 from yahboomd.moves.motion.lag_model import LagModel
 from yahboomd.moves.motion.leg import LOOK_AHEAD_M, BendCaps, CourseLeg, FreeLeg, MoveLeg, TurnLeg
-from yahboomd.moves.motion.move_course import Course, wrapped
+from yahboomd.moves.motion.move_course import (
+    TIGHTEST_M,
+    Course,
+    Point,
+    car_path,
+    car_path_to_point,
+    distinct,
+    rounded,
+    wrapped,
+)
 from yahboomd.moves.motion.speed_profile import SpeedLimits, ideal_time_s
 
 CORNER_M = 0.01
@@ -280,9 +287,9 @@ class _Planner:
             shift = math.pi if backward else 0.0
             begin = _facing(self.pose, self.pose.theta + shift)
             pieces = (
-                car_curves.to_point(begin, x, y, radius)
+                car_path_to_point(begin, x, y, radius)
                 if theta is None
-                else car_curves.shortest(begin, Pose2d(x=x, y=y, theta=theta + shift), radius)
+                else car_path(begin, Pose2d(x=x, y=y, theta=theta + shift), radius)
             )
             if pieces:
                 course = Course(begin, pieces)
