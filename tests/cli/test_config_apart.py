@@ -7,8 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from yahboomd.cli.config_apart import read_config_apart
 from yahboomd.cli.shared_options import read_config
+from yahboomd.cli.web import read_config_apart
 
 
 def options(text: str, tmp_path: Path) -> argparse.Namespace:
@@ -27,7 +27,7 @@ def test_the_checks_are_not_loaded_here(tmp_path: Path) -> None:
     args = options("", tmp_path)
     program = (
         "import argparse, sys; from pathlib import Path\n"
-        "from yahboomd.cli.config_apart import read_config_apart\n"
+        "from yahboomd.cli.web import read_config_apart\n"
         f"read_config_apart(argparse.Namespace(config=Path({str(args.config)!r}), overrides=[]))\n"
         "print('pydantic' in sys.modules)\n"
     )

@@ -236,19 +236,10 @@ def _save(args: argparse.Namespace) -> int:
     from yahboomd.cli.attended import attend
 
     async def work(robot: AsyncRobot) -> int:
-        from yahboomd.client.services import read_answers
         from yahboomd.core.bus.keys import BLACKBOX_SAVE
-        from yahboomd.core.errors import NoDaemon, Refused
 
-        payloads = await robot.ask(BLACKBOX_SAVE, b'{"by": "yahboomd blackbox"}')
-        if not payloads:
-            raise NoDaemon(
-                "The daemon is there, and does not answer.", remedy="Is it busy? Try again."
-            )
-        answer = read_answers(payloads)
-        if not answer.success:
-            raise Refused(answer.message)
-        path = (answer.data or {}).get("path")
+        answer = await robot.call(BLACKBOX_SAVE, b'{"by": "yahboomd blackbox"}')
+        path = answer.data.get("path")
         print(
             json.dumps({"message": answer.message, "path": path}) if args.json else answer.message
         )

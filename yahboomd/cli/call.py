@@ -74,11 +74,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Call it."""
-
-    async def work(robot: AsyncRobot) -> int:
-        return await _call(robot, args.service, args.request)
-
-    return attend(args, work)
+    return attend(args, lambda robot: _call(robot, args.service, args.request))
 
 
 def _request(text: str) -> bytes:

@@ -12,13 +12,12 @@ from yahboomd.cli.shared_options import (
     add_bus_options,
     add_config_options,
     add_source_option,
-    daemon_endpoints,
+    daemon_options,
     number,
     read_config,
     source_of,
 )
 from yahboomd.core.model import FASTEST_M_S, FASTEST_RAD_S
-from yahboomd.tools.robot.daemon_address import client_options
 
 if TYPE_CHECKING:
     from yahboomd.core.bus.options import BusOptions
@@ -114,7 +113,7 @@ def run(args: argparse.Namespace) -> int:
     from yahboomd.tools.screens.teleop import Teleop
 
     source = source_of(args, config, "cmd_vel/teleop")
-    options = client_options(daemon_endpoints(args, config), config)
+    options = daemon_options(args, config)
     teleop = Teleop(linear_m_s=args.linear, angular_rad_s=args.angular)
     asyncio.run(_run(options, teleop, source, args.gamepad))
     return os.EX_OK

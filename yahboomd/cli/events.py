@@ -45,12 +45,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print them."""
-
-    async def work(robot: AsyncRobot) -> int:
-        return await _print(robot, follow=args.follow, as_json=args.json)
-
     # The loss of the daemon and its return are logged to standard error.
-    return attend(args, work, quiet=False)
+    return attend(
+        args, lambda robot: _print(robot, follow=args.follow, as_json=args.json), quiet=False
+    )
 
 
 async def _print(robot: AsyncRobot, *, follow: bool, as_json: bool) -> int:

@@ -107,7 +107,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         The exit status: 0, the command's own, that of the error (78 for the configuration, 69 for
         a missing port or bus, 77 for a missing permission), or 130 after Ctrl-C.
-        a port or a bus that is not there, 77 for a missing permission), 130 after Ctrl-C.
     """
     if sys.version_info < OLDEST:
         sys.stderr.write(TOO_OLD.format(*sys.version_info))

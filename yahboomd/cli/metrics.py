@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import logging
 import os
 import signal
 from itertools import product
@@ -15,11 +14,10 @@ from yahboomd import __version__
 from yahboomd.cli.shared_options import (
     add_connect_option,
     add_set_option,
-    daemon_endpoints,
+    daemon_options,
     read_config,
 )
 from yahboomd.core.errors import ConfigError
-from yahboomd.tools.robot.daemon_address import client_options
 
 if TYPE_CHECKING:
     from yahboomd.core.bus.options import BusOptions
@@ -127,7 +125,7 @@ def _robots(args: argparse.Namespace) -> dict[str, BusOptions]:
                 f"Two robots are called {name!r}: their metrics would be mixed up.",
                 remedy="Each needs a zenoh.namespace of its own.",
             )
-        robots[name] = client_options(daemon_endpoints(args, config), config)
+        robots[name] = daemon_options(args, config)
     return robots
 
 
@@ -141,8 +139,6 @@ async def _serve(robots: dict[str, BusOptions], place: Place, names: list[str]) 
     loop = asyncio.get_running_loop()
     for number in SIGNALS:
         loop.add_signal_handler(number, ended.set)
-    # The client logs the loss of a daemon for driving programs; _report prints its own line.
-    logging.getLogger("yahboomd.client").addHandler(logging.NullHandler())
     clock = SystemClock()
     polls = [RobotPoll(name, options, clock) for name, options in robots.items()]
     page = Page(clock.now_ns, lambda: [poll.current() for poll in polls], version=__version__)

@@ -13,12 +13,11 @@ from typing import TYPE_CHECKING
 from yahboomd.cli.shared_options import (
     add_bus_options,
     add_config_options,
-    daemon_endpoints,
+    daemon_options,
     read_config,
     seconds,
 )
 from yahboomd.core.errors import BusError
-from yahboomd.tools.robot.daemon_address import client_options
 
 if TYPE_CHECKING:
     from yahboomd.core.bus.options import BusOptions
@@ -92,7 +91,7 @@ def run(args: argparse.Namespace) -> int:
         import rich  # noqa: F401
     config = read_config(args).config
 
-    options = client_options(daemon_endpoints(args, config), config)
+    options = daemon_options(args, config)
     once_s = args.timeout if args.once else None
     return asyncio.run(_run(options, once_s=once_s, on_screen=on_screen))
 

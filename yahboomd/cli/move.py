@@ -107,11 +107,7 @@ def run(args: argparse.Namespace) -> int:
     move = _move(args)
     if move.points:
         print(summary(move.points), flush=True)
-
-    async def work(robot: AsyncRobot) -> int:
-        return await _drive(robot, move)
-
-    return attend(args, work)
+    return attend(args, lambda robot: _drive(robot, move))
 
 
 def _move(args: argparse.Namespace) -> Move:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import logging
 import os
 import signal
 from typing import TYPE_CHECKING
@@ -12,10 +11,9 @@ from typing import TYPE_CHECKING
 from yahboomd.cli.shared_options import (
     add_bus_options,
     add_config_options,
-    daemon_endpoints,
+    daemon_options,
     read_config,
 )
-from yahboomd.tools.robot.daemon_address import client_options
 
 if TYPE_CHECKING:
     from yahboomd.core.bus.options import BusOptions
@@ -56,15 +54,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Serve until a signal ends it."""
     config = read_config(args).config
-    return asyncio.run(_serve(client_options(daemon_endpoints(args, config), config)))
+    return asyncio.run(_serve(daemon_options(args, config)))
 
 
 async def _serve(options: BusOptions) -> int:
     from yahboomd.core.clock import SystemClock
     from yahboomd.moves.move_service import MoveService
 
-    # The client logs the loss of a daemon for programs that drive; _report prints its own line.
-    logging.getLogger("yahboomd.client").addHandler(logging.NullHandler())
     service = MoveService(options, SystemClock())
     serving = asyncio.create_task(service.run(), name="moves")
     reporting = asyncio.create_task(_report(service, ", ".join(options.connect)))

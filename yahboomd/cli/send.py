@@ -87,13 +87,10 @@ def run(args: argparse.Namespace) -> int:
     from yahboomd.core.daemon.process import deadly
 
     source = source_of(args, read_config(args).config, "cmd_vel")
-
-    async def work(robot: AsyncRobot) -> int:
-        return await _drive(robot, args, source)
-
     # A signal to suspend ends it: while suspended it would repeat nothing, and once continued it
     # would drive on.
-    return attend(args, work, source=source, signals=(*deadly(), signal.SIGTSTP))
+    ending = (*deadly(), signal.SIGTSTP)
+    return attend(args, lambda robot: _drive(robot, args, source), source=source, signals=ending)
 
 
 async def _drive(robot: AsyncRobot, args: argparse.Namespace, source: str) -> int:

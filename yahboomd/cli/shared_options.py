@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from yahboomd.core.errors import ConfigError, Refused
-from yahboomd.tools.robot.daemon_address import configured_endpoints
+from yahboomd.tools.robot.daemon_address import client_options, configured_endpoints
 from yahboomd.tools.terminal.words import decimal
 
 if TYPE_CHECKING:
+    from yahboomd.core.bus.options import BusOptions
     from yahboomd.core.config import Config, Loaded
 
 
@@ -169,6 +170,11 @@ def robot_arguments(args: argparse.Namespace) -> tuple[str, ...]:
         if (value := getattr(args, name)) is not None:
             arguments.append(f"--{name}={value}")
     return tuple(arguments)
+
+
+def daemon_options(args: argparse.Namespace, config: Config) -> BusOptions:
+    """The options of a client of that daemon."""
+    return client_options(daemon_endpoints(args, config), config)
 
 
 def daemon_endpoints(args: argparse.Namespace, config: Config) -> tuple[str, ...]:

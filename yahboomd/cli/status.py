@@ -53,11 +53,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print it."""
-
-    async def work(robot: AsyncRobot) -> int:
-        return await _print(robot, as_json=args.json)
-
-    return attend(args, work)
+    return attend(args, lambda robot: _print(robot, as_json=args.json))
 
 
 async def _print(robot: AsyncRobot, *, as_json: bool) -> int:

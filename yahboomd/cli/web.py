@@ -6,10 +6,11 @@ import argparse
 import asyncio
 import contextlib
 import ipaddress
-import logging
 import os
+import pickle
 import re
 import signal
+import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, cast
@@ -18,14 +19,13 @@ from yahboomd.cli.shared_options import (
     add_bus_options,
     add_config_options,
     add_source_option,
-    daemon_endpoints,
+    daemon_options,
     read_config,
     robot_arguments,
     source_of,
 )
 from yahboomd.core.errors import ConfigError
 from yahboomd.core.names import PAGE_SOURCE
-from yahboomd.tools.robot.daemon_address import client_options
 
 if TYPE_CHECKING:
     from socket import socket
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
     from yahboomd.core.bus.options import BusOptions
     from yahboomd.core.clock import Clock
+    from yahboomd.core.config import Config
     from yahboomd.tools.metrics.http_listener import Place
     from yahboomd.web.page_hub import PageHub
     from yahboomd.web.page_tools import RobotList, ToolSettings
@@ -156,7 +157,6 @@ def run(args: argparse.Namespace) -> int:
         return _certify(folder, args.host_name)
     if args.end_session is not None or args.sessions or args.show_link:
         return _access(args, folder)
-    from yahboomd.cli.config_apart import read_config_apart
     from yahboomd.web.page_tools import ToolSettings
 
     place = _place(args.listen or DEFAULT_PLACE)
@@ -170,7 +170,7 @@ def run(args: argparse.Namespace) -> int:
         names=args.host_name,
         context=_context(args, place, folder),
         folder=folder,
-        options=client_options(daemon_endpoints(args, loaded.config), loaded.config),
+        options=daemon_options(args, loaded.config),
         source=source,
         tools=ToolSettings(
             robot=robot_arguments(args),
@@ -189,6 +189,53 @@ def _fleet(papers: Path) -> RobotList:
 
     made = cast("Callable[[Path, Clock], RobotList]", packages.page_part("fleet"))
     return made(papers, SystemClock())
+
+
+class ReadApart(NamedTuple):
+    """A configuration, and the file that it was read from, if any."""
+
+    config: Config
+    path: Path | None
+
+
+def read_config_apart(args: argparse.Namespace) -> ReadApart:
+    """Read the configuration in a process that ends: its checks need 9 MB, which end with it.
+
+    Call it before there are threads, which do not survive in the other process.
+
+    Raises:
+        ConfigError: The configuration has mistakes; the error names each.
+    """
+    sys.stdout.flush()
+    sys.stderr.flush()
+    reading, writing = os.pipe()
+    if (child := os.fork()) == 0:
+        # The child never returns: it would end what is the parent's.
+        try:
+            os.close(reading)
+            with os.fdopen(writing, "wb") as pipe:
+                pickle.dump(_read(args), pipe)
+        finally:
+            os._exit(0)
+    os.close(writing)
+    with os.fdopen(reading, "rb") as pipe:
+        answer = pipe.read()
+    os.waitpid(child, 0)
+    # Without an answer the child failed: the same here shows why.
+    # It comes from our own process.
+    found: ReadApart | tuple[str, str] = pickle.loads(answer) if answer else _read(args)  # noqa: S301
+    if not isinstance(found, ReadApart):
+        message, remedy = found
+        raise ConfigError(message, remedy=remedy)
+    return found
+
+
+def _read(args: argparse.Namespace) -> ReadApart | tuple[str, str]:
+    try:
+        loaded = read_config(args)
+    except ConfigError as error:
+        return error.message, error.remedy
+    return ReadApart(loaded.config, loaded.path)
 
 
 def state_folder(environ: Mapping[str, str], user_id: int) -> Path:
@@ -270,8 +317,6 @@ async def _serve(setup: _Setup) -> int:
     from yahboomd.web.web_application import RequestOrigin, WebApplication, page_files
     from yahboomd.web.web_server import FILES, WebServer, listen
 
-    # The client logs the loss of a daemon for programs that drive; _report prints its own line.
-    logging.getLogger("yahboomd.client").addHandler(logging.NullHandler())
     check_limits(who="the page's server")
     allow_files(FILES, who="the page's server")
     place, tls = setup.place, setup.context is not None
