@@ -12,7 +12,7 @@ from real_robot import RealRobot
 from web_site import Site
 from zenoh_fixtures import eventually, free_endpoint
 
-from yahboomd.client import connect
+from yahboomd.client.connection import ENDPOINT, client_options
 from yahboomd.core.clock import SystemClock
 from yahboomd.core.config import read
 from yahboomd.web.page_session import Tool
@@ -40,7 +40,9 @@ async def test_what_makes_no_sense_is_refused_in_words(
     tmp_path: Path, do: str, args: dict[str, Any]
 ) -> None:
     settings = ToolSettings(robot=(), recordings=tmp_path, load=lambda: read(None, environ={}))
-    tools = PageTools(SystemClock(), settings, "cmd_vel/web", lambda _: None, connect)
+    tools = PageTools(
+        client_options(ENDPOINT), SystemClock(), settings, "cmd_vel/web", lambda _: None
+    )
     done, words = await tools.use(1, Tool(id=1, do=do, args=args))
     assert not done
     assert words.endswith(".")

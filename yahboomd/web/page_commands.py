@@ -75,6 +75,12 @@ CALIBRATES = PageRefusal(
 )
 
 
+def late(age_ns: int | None) -> PageRefusal | None:
+    """The refusal of a command whose beat is unknown or too old."""
+    known = age_ns is not None and age_ns <= LAPSE_NS
+    return None if known else PageRefusal(why="late", text=LATE, age_ns=age_ns)
+
+
 class PageCommands:
     """The commands of all pages.
 
@@ -183,8 +189,8 @@ class PageCommands:
             return NOT_YOURS
         if obstacle := self._obstacle(wanted):
             return obstacle
-        if age_ns is None or age_ns > LAPSE_NS:
-            return PageRefusal(why="late", text=LATE, age_ns=age_ns)
+        if (refusal := late(age_ns)) is not None:
+            return refusal
         # Only one of joystick and map can be held: release it before the other one counts.
         other = self._moving is not None and not isinstance(wanted, self._moving)
         return LET_GO if other or page in self._pressed else None

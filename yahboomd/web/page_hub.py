@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Awaitable, Callable, Coroutine, Mapping
+from collections.abc import Coroutine, Mapping
 from pathlib import Path
 from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from yahboomd import __version__
-from yahboomd.client import AsyncRobot
-from yahboomd.client.services import Answer
 from yahboomd.core.bus import keys
 from yahboomd.core.bus.options import BusOptions
 from yahboomd.core.clock import Clock, Schedule
@@ -24,14 +22,13 @@ from yahboomd.web.page_calibration import FORMS
 from yahboomd.web.page_commands import (
     CALIBRATES,
     LAPSE_NS,
-    LATE,
-    NOT_YOURS,
     PERIOD_NS,
     VIEWER,
     Beats,
     PageCommands,
     PageRefusal,
     Wanted,
+    late,
 )
 from yahboomd.web.page_moves import NO_MOVES, PageMoves
 from yahboomd.web.page_session import (
@@ -50,7 +47,7 @@ from yahboomd.web.page_session import (
     read_frame,
     sample_part,
 )
-from yahboomd.web.page_tools import PageTools, ToolSettings
+from yahboomd.web.page_tools import UNKNOWN, PageTools, ToolSettings
 from yahboomd.web.phone_sessions import ENDED, PhoneSession, PhoneSessions
 from yahboomd.web.robot_feed import RobotFeed, daemon_part
 
@@ -75,10 +72,14 @@ REFUSALS_NS = 200_000_000
 POLICY, FULL, SESSION_ENDED = 1008, 1013, 4401
 """Codes of a closed WebSocket: the page broke a rule; too many pages; its session has ended."""
 
-CALIBRATION = "yahboomd calibrate"
-"""Who commands during a calibration, for people."""
-
 VIEWS = ("drive", "map", "wheels", "health", "calibrate", "record", "boxes", "phones")
+
+SERVICES = {
+    "release": keys.ESTOP_RESET,
+    "reset_odometry": keys.ODOMETRY_RESET,
+    "set_pose": keys.ODOMETRY_SET_POSE,
+}
+"""The service of each request."""
 
 ANOTHERS = "Another page has control of the robot. Take control first."
 
@@ -132,21 +133,7 @@ class PageHub:
             lapsed=self._lapsed,
             kept=self._keeps_control,
         )
-        self.tools = PageTools(
-            clock,
-            settings,
-            source,
-            self._show,
-            lambda: AsyncRobot(options, source=source, label=CALIBRATION, clock=clock),
-        )
-        self._actions: dict[str, Callable[[RequestFrame], Awaitable[Answer]]] = {
-            "release": lambda _: self.robot.request(keys.ESTOP_RESET),
-            "reset_odometry": lambda _: self.robot.request(keys.ODOMETRY_RESET),
-            "set_pose": lambda it: self.robot.request(
-                keys.ODOMETRY_SET_POSE,
-                encode(SetPoseRequest(x=it.x, y=it.y, theta=it.theta), "json"),
-            ),
-        }
+        self.tools = PageTools(options, clock, settings, source, self._show)
 
     async def run(self) -> None:
         """Follow the robot and send beats, until cancelled.
@@ -274,10 +261,8 @@ class PageHub:
                     self._commands.take_control(page.number)
             case RequestFrame() | Tool() if len(page.requests) >= MAX_REQUESTS:
                 page.answer(frame.id, ok=False, text="One thing after the other.")
-            case RequestFrame():
-                self._begin(page, self._answer(page, frame))
-            case Tool():
-                self._begin(page, self._use(page, frame))
+            case RequestFrame() | Tool():
+                self._begin(page, self._carry_out(page, frame))
             case HoldFrame():
                 if (refusal := self._hold(page, frame)) is not None:
                     self._refuse(page, refusal, "hold")
@@ -326,33 +311,43 @@ class PageHub:
         return self.tools.calibration.page is not None or self.robot.state == "estopped"
 
     def _hold(self, page: PageSession, frame: HoldFrame) -> PageRefusal | None:
-        age_ns = self._beats.age_ns(frame.beat, page.joined)
-        if age_ns is None or age_ns > LAPSE_NS:
-            return PageRefusal(why="late", text=LATE, age_ns=age_ns)
+        if (refusal := late(self._beats.age_ns(frame.beat, page.joined))) is not None:
+            return refusal
         words = self.tools.calibration.hold(page.number, frame.question)
         return PageRefusal(why="not_calibrating", text=words) if words else None
 
-    async def _use(self, page: PageSession, tool: Tool) -> None:
+    async def _carry_out(self, page: PageSession, frame: RequestFrame | Tool) -> None:
         if page.ended.done():
             return
-        refusal = self._tool_refusal(page, tool)
-        if refusal is None:
-            done, words = await self.tools.use(page.number, tool)
+        if refusal := self._refusal(page, frame):
+            page.answer(frame.id, ok=False, text=refusal)
+        elif isinstance(frame, Tool):
+            done, words = await self.tools.use(page.number, frame)
+            page.answer(frame.id, ok=done, text=words)
+        elif (key := SERVICES.get(frame.do)) is None:
+            page.answer(frame.id, ok=False, text=UNKNOWN)
         else:
-            done, words = False, refusal.text
-        page.answer(tool.id, ok=done, text=words)
+            self._commands.used(page.number)
+            pose = SetPoseRequest(x=frame.x, y=frame.y, theta=frame.theta)
+            payload = encode(pose, "json") if key == keys.ODOMETRY_SET_POSE else b"{}"
+            found = await self.robot.request(key, payload)
+            page.answer(frame.id, ok=found.success, text=found.message, data=found.data)
 
-    def _tool_refusal(self, page: PageSession, tool: Tool) -> PageRefusal | None:
+    def _refusal(self, page: PageSession, frame: RequestFrame | Tool) -> str:
+        """Why a request is refused, or empty; a page that may calibrate gets control."""
         if page.role != "driver":
-            return VIEWER
-        if tool.do != "calibrate":
-            return None
+            return VIEWER.text
+        calibrates = isinstance(frame, Tool) and frame.do == "calibrate"
+        if isinstance(frame, Tool) and not calibrates:
+            return ""
         if self._commands.driver not in {None, page.number}:
-            return NOT_YOURS
-        if (obstacle := self.robot.obstacle()) is not None:
-            return obstacle
-        self._commands.take_control(page.number)
-        return None
+            # The driver relies on the pose and on the stop.
+            return ANOTHERS
+        if calibrates:
+            if (obstacle := self.robot.obstacle()) is not None:
+                return obstacle.text
+            self._commands.take_control(page.number)
+        return ""
 
     def _begin(self, page: PageSession, work: Coroutine[None, None, None]) -> None:
         task = asyncio.create_task(work, name="web-request")
@@ -369,22 +364,6 @@ class PageHub:
         # Limits the answers to a page that repeats it endlessly.
         if len(page.requests) < 4 * MAX_REQUESTS:
             self._begin(page, answer())
-
-    async def _answer(self, page: PageSession, request: RequestFrame) -> None:
-        if page.ended.done():
-            return
-        action = self._actions.get(request.do)
-        if page.role != "driver":
-            page.answer(request.id, ok=False, text=VIEWER.text)
-        elif action is None:
-            page.answer(request.id, ok=False, text="This server does not know that.")
-        elif self._commands.driver not in {None, page.number}:
-            # The driver relies on the pose and on the stop.
-            page.answer(request.id, ok=False, text=ANOTHERS)
-        else:
-            self._commands.used(page.number)
-            found = await action(request)
-            page.answer(request.id, ok=found.success, text=found.message, data=found.data)
 
     def _refuse(self, page: PageSession, refusal: PageRefusal, what: str) -> None:
         now_ns = self._clock.now_ns()
@@ -428,17 +407,14 @@ class PageHub:
 
     def _control(self, page: PageSession) -> bytes:
         driver = self.robot.driver
+        page_driver = self._pages.get(self._commands.driver or 0)
         return part(
             "control",
             mine=page.number == self._commands.driver,
             driver="the page" if driver == self.robot.source else driver,
             page_driver=self._commands.driver,
-            name=self._driver_name(),
+            name="" if page_driver is None else page_driver.name,
         )
-
-    def _driver_name(self) -> str:
-        page = self._pages.get(self._commands.driver or 0)
-        return "" if page is None else page.name
 
     def _show_control(self) -> None:
         self._driver = (self._commands.driver, self.robot.driver)

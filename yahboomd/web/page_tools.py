@@ -9,12 +9,18 @@ from typing import Any, Protocol
 import msgspec
 
 from yahboomd.client import AsyncRobot
+from yahboomd.core.bus.options import BusOptions
 from yahboomd.core.clock import Clock
 from yahboomd.core.config import Loaded
 from yahboomd.web.page_boxes import PageBoxes
 from yahboomd.web.page_calibration import PageCalibration
 from yahboomd.web.page_recordings import PageRecordings
 from yahboomd.web.page_session import Tool
+
+CALIBRATION = "yahboomd calibrate"
+"""Who commands during a calibration, for people."""
+
+UNKNOWN = "This server does not know that."
 
 
 class RobotList(Protocol):
@@ -52,15 +58,19 @@ class PageTools:
 
     def __init__(
         self,
+        options: BusOptions,
         clock: Clock,
         settings: ToolSettings,
         source: str,
         show: Callable[[Mapping[str, bytes]], None],
-        robot: Callable[[], AsyncRobot],
     ) -> None:
         self._show = show
         self.calibration = PageCalibration(
-            clock, robot, settings.load, source, changed=self._calibrates
+            clock,
+            lambda: AsyncRobot(options, source=source, label=CALIBRATION, clock=clock),
+            settings.load,
+            source,
+            changed=self._calibrates,
         )
         self.boxes = PageBoxes(clock, settings.robot)
         self.recordings = PageRecordings(clock, settings.robot, settings.recordings, self._records)
@@ -95,7 +105,7 @@ class PageTools:
             case Tool(do="delete_recording", args={"name": name}):
                 words = await self.recordings.delete(name)
             case _:
-                words = "This server does not know that."
+                words = UNKNOWN
         return not words, words
 
     async def close(self) -> None:
