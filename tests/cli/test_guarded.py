@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import os
+import signal
 import tty
 from collections.abc import Iterator
 
 import pytest
 
-from yahboomd.core.clock import SystemClock
+from yahboomd.core.clock import Clock, SystemClock
 from yahboomd.core.config import Config
-from yahboomd.core.errors import PortLost
+from yahboomd.core.errors import BoardError, PortLost
 from yahboomd.core.link.line import Line
 from yahboomd.core.link.port import PortOptions, open_port
-from yahboomd.core.link.port_identity import identify
+from yahboomd.core.link.port_guard import PortGuard
 from yahboomd.core.model import NS_PER_S as SECOND_NS
 from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
 from yahboomd.simulation.rosmaster.rosmaster_flash import RosmasterStored
 from yahboomd.tools.port.guarded import guarded
-from yahboomd.tools.port.tool_guard import ToolGuard
 
 
 @pytest.fixture
@@ -38,6 +38,7 @@ async def test_a_port_that_went_away_while_the_wheels_stood_is_not_waited_for(pa
 
     async def driven() -> None:
         async with guarded(Line(port, clock), Config(), said.append) as guard:
+            await guard.watch_over(DIALECTS["streamed"])
             guard.mark(True)
             guard.mark(False)
             raise PortLost(f"{path} went away.")
@@ -48,16 +49,19 @@ async def test_a_port_that_went_away_while_the_wheels_stood_is_not_waited_for(pa
     assert said == []
 
 
-async def test_the_device_is_noted_while_the_port_is_open(path: str) -> None:
+async def test_without_the_guard_no_wheel_is_driven(path: str) -> None:
     clock = SystemClock()
     port = await open_port(PortOptions(path=path), clock)
-    config = Config.of({"serial": {"dtr": False, "rts": True}})
-    async with guarded(Line(port, clock), config, print) as guard:
-        note = guard.note
+    async with guarded(Line(port, clock), Config(), print) as guard:
+        await guard.watch_over(DIALECTS["streamed"])
+        guard.mark(True)
+        guard.mark(False)
+        assert guard._guard.pid is not None
+        os.kill(guard._guard.pid, signal.SIGKILL)
+        guard._guard._process.wait()
+        with pytest.raises(BoardError, match="no motor is turned"):
+            guard.mark(True)
     port.close()
-    assert note is not None
-    assert (note.path, note.dtr, note.rts) == (path, False, True)
-    assert note.device == identify(os.stat(path))
 
 
 @pytest.mark.parametrize("car_type", [0, 3])
@@ -65,11 +69,16 @@ async def test_its_stop_ends_motion_on_a_rosmaster_whose_car_type_ignores_a_cut(
     path: str, monkeypatch: pytest.MonkeyPatch, car_type: int
 ) -> None:
     clock, stops = SystemClock(), list[bytes]()
-    monkeypatch.setattr(ToolGuard, "start", lambda _fd, stop, _note: stops.append(stop))
+
+    async def watches(_guard: PortGuard, stop: bytes, _clock: Clock) -> bool:
+        stops.append(stop)
+        return True
+
+    monkeypatch.setattr(PortGuard, "watches", watches)
     port = await open_port(PortOptions(path=path), clock)
     dialect = DIALECTS["rosmaster"]
     async with guarded(Line(port, clock), Config(), print) as guard:
-        guard.watch_over(dialect)
+        await guard.watch_over(dialect)
     port.close()
     flash = RosmasterStored(car_type=car_type)
     robot = SimulatedRobot(SimulationOptions(dialect="rosmaster", flash=flash))

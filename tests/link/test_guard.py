@@ -3,35 +3,49 @@
 from __future__ import annotations
 
 import asyncio
+import fcntl
 import os
+import resource
 import select
 import signal
 import subprocess
 import sys
 import tty
 from collections.abc import Iterator
+from functools import partial
 from typing import NamedTuple
 
 import pytest
 
-from yahboomd.core.errors import BoardError
+from yahboomd.core.clock import SystemClock
 from yahboomd.core.link import port_note
+from yahboomd.core.link.port import PortOptions, open_port
+from yahboomd.core.link.port_errors import holders
+from yahboomd.core.link.port_guard import ENDS_WITHIN_S, PortGuard
 from yahboomd.core.link.port_identity import identify
 from yahboomd.core.link.port_note import PortNote
-from yahboomd.tools.port.tool_guard import ToolGuard
+from yahboomd.core.protocol.first_words import FIRST_WORDS
+from yahboomd.tools.port import charge
 
 pytestmark = pytest.mark.realtime
 
 STOP = b"$pwm:0,0,0,0#"
 
 WATCHED = f"""
-import sys, time
+import asyncio, sys, time
+from yahboomd.core.clock import SystemClock
+from yahboomd.core.link.port_guard import PortGuard
 from yahboomd.core.link.port_note import note_of
-from yahboomd.tools.port.tool_guard import ToolGuard
-guard = ToolGuard.start(int(sys.argv[1]), {STOP!r}, note_of(sys.argv[2]))
+from yahboomd.tools.port import charge
+guard = PortGuard(lambda: charge.start(0.6))
+guard.begin()
+guard.share(int(sys.argv[1]), note_of(sys.argv[2]))
 for mark in sys.argv[3]:
-    guard.mark(mark == "+")
-print(guard._process.pid, flush=True)
+    if mark == "?":
+        assert asyncio.run(guard.watches({STOP!r}, SystemClock()))
+    else:
+        guard.promise() if mark == "+" else guard.standing()
+print(guard.pid, flush=True)
 time.sleep(60)
 """
 
@@ -97,7 +111,7 @@ def written(far: int) -> bytes:
 
 
 def test_after_a_kill_in_a_pulse_stops_are_sent_until_the_wheels_are_seen(port: Ends) -> None:
-    watched = Watched(port, "+-+")
+    watched = Watched(port, "?+-+")
     os.kill(watched.guard, signal.SIGTERM)
     watched.kill()
     stops(port.far)
@@ -105,8 +119,28 @@ def test_after_a_kill_in_a_pulse_stops_are_sent_until_the_wheels_are_seen(port: 
     os.kill(watched.guard, signal.SIGKILL)
 
 
+def test_a_port_that_nobody_can_open_is_stopped_on_the_shared_descriptor(port: Ends) -> None:
+    assert port.note.device is not None
+    away = port.note._replace(device=port.note.device._replace(node="gone"))
+    watched = Watched(port._replace(note=away), "?+")
+    watched.kill()
+    assert select.select([port.far], [], [], 30.0)[0]
+    assert os.read(port.far, 4096).startswith(STOP)
+    os.kill(watched.guard, signal.SIGKILL)
+
+
+def test_before_the_board_is_known_every_dialect_is_stopped(port: Ends) -> None:
+    watched = Watched(port, "")
+    watched.kill()
+    heard = b""
+    while not heard.startswith(b"".join(FIRST_WORDS.values())):
+        assert select.select([port.far], [], [], 30.0)[0]
+        heard += os.read(port.far, 4096)
+    os.kill(watched.guard, signal.SIGKILL)
+
+
 def test_a_process_that_hangs_in_a_pulse_has_its_motors_let_go(port: Ends) -> None:
-    watched = Watched(port, "+")
+    watched = Watched(port, "?+")
     watched.process.send_signal(signal.SIGSTOP)
     assert select.select([port.far], [], [], 30.0)[0]
     assert os.read(port.far, 4096).startswith(STOP)
@@ -115,51 +149,98 @@ def test_a_process_that_hangs_in_a_pulse_has_its_motors_let_go(port: Ends) -> No
 
 
 def test_a_process_that_dies_between_pulses_is_let_alone(port: Ends) -> None:
-    Watched(port, "+-").kill()
-    assert written(port.far) == b""
-
-
-@pytest.mark.nightly
-def test_a_guard_that_is_closed_in_order_writes_nothing_and_ends(port: Ends) -> None:
-    guard = ToolGuard.start(port.fd, STOP, port.note)
-    guard.mark(True)
-    guard.mark(False)
-    guard.close()
-    os.close(port.fd)
+    Watched(port, "?+-").kill()
     assert written(port.far) == b""
 
 
 @pytest.mark.nightly
 def test_signals_of_the_terminal_do_not_end_it(port: Ends) -> None:
-    watched = Watched(port, "+")
+    watched = Watched(port, "?+")
     os.killpg(watched.process.pid, signal.SIGINT)
     watched.process.communicate()
     stops(port.far)
     os.kill(watched.guard, signal.SIGKILL)
 
 
-@pytest.mark.nightly
-def test_without_the_guard_there_is_no_pulse(port: Ends) -> None:
-    closed = ToolGuard.start(port.fd, STOP, port.note)
-    closed.close()
-    with pytest.raises(BoardError, match="no motor is turned"):
-        closed.mark(True)
-    killed = ToolGuard.start(port.fd, STOP, port.note)
-    os.kill(killed._process.pid, signal.SIGKILL)
-    killed._process.wait()
-    with pytest.raises(BoardError, match="no motor is turned"):
-        killed.mark(True)
-    killed.close()
+@pytest.fixture
+def guard() -> Iterator[PortGuard]:
+    made = PortGuard(partial(charge.start, 60.0))
+    made.begin()
+    yield made
+    made.dismiss()
+
+
+async def test_a_guard_without_a_free_descriptor_does_not_watch_and_another_one_does(
+    port: Ends, guard: PortGuard
+) -> None:
+    clock, options = SystemClock(), PortOptions(path=port.note.path)
+    os.close(port.fd)
+    first, opened = guard.pid, await open_port(options, clock)
+    opened.share(guard, options)
+    assert await guard.watches(STOP, clock)
+    opened.close()
+    assert first is not None
+    resource.prlimit(first, resource.RLIMIT_NOFILE, (3, 3))
+    again = await open_port(options, clock)
+    again.share(guard, options)
+    assert await guard.watches(STOP, clock)
+    assert guard.pid != first
+    again.close()
+
+
+@pytest.mark.parametrize("frozen", [False, True])
+async def test_a_port_that_was_closed_is_free_whatever_its_guard_does(
+    port: Ends, guard: PortGuard, frozen: bool
+) -> None:
+    clock, options = SystemClock(), PortOptions(path=port.note.path)
+    os.close(port.fd)
+    opened = await open_port(options, clock)
+    opened.share(guard, options)
+    assert await guard.watches(STOP, clock)
+    first = guard.pid
+    assert first is not None
+    if frozen:
+        os.kill(first, signal.SIGSTOP)
+    opened.close()
+    free = os.open(options.path, os.O_RDWR | os.O_NOCTTY)
+    fcntl.flock(free, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    os.close(free)
+    assert (guard.pid != first) is frozen
+    assert holders(options.path) == ()
+
+
+async def test_a_guard_beside_its_owner_is_not_named_as_a_holder(
+    port: Ends, guard: PortGuard
+) -> None:
+    guard.share(port.fd, port.note)
+    assert await guard.watches(STOP, SystemClock())
+    assert holders(port.note.path) == ()
+    guard.close_port()
     os.close(port.fd)
 
 
 @pytest.mark.nightly
-async def test_a_port_that_went_away_is_let_go_and_a_dismissed_guard_ends(port: Ends) -> None:
+async def test_a_guard_that_ends_in_order_writes_nothing(port: Ends, guard: PortGuard) -> None:
+    guard.share(port.fd, port.note)
+    assert await guard.watches(STOP, SystemClock())
+    guard.promise()
+    guard.standing()
+    guard.close_port()
+    guard.end(ENDS_WITHIN_S)
+    os.close(port.fd)
+    assert written(port.far) == b""
+
+
+@pytest.mark.nightly
+async def test_a_port_that_went_away_is_let_go_and_a_dismissed_guard_ends(
+    port: Ends, guard: PortGuard
+) -> None:
     assert port.note.device is not None
-    away = port.note._replace(device=port.note.device._replace(node="gone"))
-    guard = ToolGuard.start(port.fd, STOP, away)
-    guard.mark(True)
-    waiting = asyncio.create_task(guard.stopped_after_loss())
+    pid, away = guard.pid, port.note._replace(device=port.note.device._replace(node="gone"))
+    guard.share(port.fd, away)
+    guard.promise()
+    guard.close_port()
+    waiting = asyncio.create_task(guard.outcome(SystemClock()))
     os.close(port.fd)
     # The port ends only if no process has it open.
     assert await asyncio.to_thread(written, port.far) == b""
@@ -167,4 +248,4 @@ async def test_a_port_that_went_away_is_let_go_and_a_dismissed_guard_ends(port: 
     with pytest.raises(asyncio.CancelledError):
         await waiting
     guard.dismiss()
-    assert not os.path.exists(f"/proc/{guard._process.pid}")
+    assert not os.path.exists(f"/proc/{pid}")

@@ -8,6 +8,7 @@ import logging
 import os
 import re
 import sys
+from functools import partial
 from typing import TYPE_CHECKING
 
 from yahboomd.cli.shared_options import add_config_options, add_port_option, read_config
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from yahboomd.core.config import Config
+    from yahboomd.core.link.port_guard import PortGuard
 
 DESCRIPTION = """\
 Own the board's serial port, drive its wheels from velocity commands on the Zenoh bus, and publish
@@ -31,8 +33,8 @@ the wheels first, as on any signal but SIGKILL, SIGSTOP, and those of a fault of
 (SIGSEGV, SIGBUS, SIGILL, SIGFPE, SIGABRT, SIGSYS, SIGTRAP): after these its guard stops them, or
 the service manager. A board that is not there is waited for.
 
-The guard is a small process that opens no port while the daemon lives. It also kills a daemon that
-hangs, or is suspended by SIGSTOP, for 2 s.
+The guard is a small process that shares the open port. It also kills a daemon that hangs, or is
+suspended by SIGSTOP, for 2 s.
 """
 
 EPILOG = """\
@@ -71,18 +73,18 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run until a signal ends it."""
-    pipe = None if args.no_guard or _has_watchdog(os.environ) else _start_guard()
+    guard = None if args.no_guard or _has_watchdog(os.environ) else _start_guard()
     try:
-        return _serve(args, pipe)
+        return _serve(args, guard)
     except YahboomdError:
         _warn_of_killed()
         raise
     finally:
-        if pipe is not None:
-            os.close(pipe)
+        if guard is not None:
+            guard.end()
 
 
-def _serve(args: argparse.Namespace, guard: int | None) -> int:
+def _serve(args: argparse.Namespace, guard: PortGuard | None) -> int:
     from yahboomd.blackbox.box_keeper import BoxKeeper
     from yahboomd.cli.process_limits import make_room
     from yahboomd.core.daemon.logs import configure, flush
@@ -146,23 +148,22 @@ def _has_watchdog(environ: Mapping[str, str]) -> bool:
     return own and bool(environ.get("NOTIFY_SOCKET") and environ.get("WATCHDOG_USEC"))
 
 
-def _start_guard() -> int | None:
-    """Start the guard; returns the non-blocking pipe to it, or None after a warning."""
+def _start_guard() -> PortGuard | None:
+    """Start the guard; returns None after a warning if it does not start."""
     from yahboomd.core.config import runtime_folder
+    from yahboomd.core.link.port_guard import PortGuard
 
     folder = runtime_folder(os.environ, user_id=os.getuid())
+    guard = PortGuard(partial(charge.start, GUARDED_S, kills=True, folder=str(folder)))
     try:
-        guard, writing = charge.start(GUARDED_S, kills=True, folder=str(folder))
+        guard.begin()
     except OSError as error:
         say(
             f"The guard does not start ({error.strerror}): if this process is killed or freezes, "
             "only `yahboomd stop` stops the wheels."
         )
         return None
-    os.set_blocking(writing, False)
-    # Tells subprocess not to wait: the guard ends after this process.
-    guard.returncode = 0
-    return writing
+    return guard
 
 
 def _warn_of_killed() -> None:

@@ -6,10 +6,8 @@ import contextlib
 import logging
 import os
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-
-from msgspec import structs
 
 from yahboomd.core.bus.options import BusOptions
 from yahboomd.core.clock import Clock
@@ -26,7 +24,8 @@ from yahboomd.core.link import port_note
 from yahboomd.core.link.connected_board import Listener
 from yahboomd.core.link.discovery import candidates, find
 from yahboomd.core.link.port import Opener, Port, PortOptions, open_port
-from yahboomd.core.link.port_identity import identify
+from yahboomd.core.link.port_guard import PortGuard
+from yahboomd.core.link.port_note import PortNote
 from yahboomd.core.link.session import Session, SessionOptions
 from yahboomd.core.link.tap import NO_TAP, Tap
 from yahboomd.core.model import STANDING_M_S
@@ -124,13 +123,13 @@ def opener(
     config: Config,
     clock: Clock,
     environ: Mapping[str, str] | None = None,
-    opened: Callable[[port_note.PortNote], None] = lambda _: None,
+    guard: PortGuard | None = None,
 ) -> Opener:
     """Looks for the port at each attempt: a board that comes back may be elsewhere.
 
     Args:
         environ: Has the folder for the note on the open port, for the stop after a kill.
-        opened: Called with each note, from a thread.
+        guard: Each port is shared with it.
     """
     serial = config.serial
     noting: threading.Thread | None = None
@@ -156,11 +155,12 @@ def opener(
             log.info("%s", words)
         options = options_of(path)
         port = await open_port(options, clock)
+        note = port.share(guard or PortGuard(), options)
         if environ is not None and (noting is None or not noting.is_alive()):
             # A disk that hangs holds up no stop, and one thread at most.
             noting = threading.Thread(
                 target=_note,
-                args=(options, config, environ, opened),
+                args=(note, config, environ),
                 name="port-note",
                 daemon=True,
             )
@@ -172,26 +172,10 @@ def opener(
     return open_it
 
 
-def _note(
-    options: PortOptions,
-    config: Config,
-    environ: Mapping[str, str],
-    opened: Callable[[port_note.PortNote], None],
-) -> None:
+def _note(note: PortNote, config: Config, environ: Mapping[str, str]) -> None:
     folder = runtime_folder(environ, user_id=os.getuid())
-    try:
-        device = identify(os.stat(options.path))
-    except OSError:
-        # Unplugged just now: the session will report it.
-        return
-    note = port_note.PortNote(
-        **structs.asdict(options),
-        device=device,
-        pid=os.getpid(),
-        namespace=config.zenoh.namespace,
-        listen=tuple(config.zenoh.listen),
-    )
-    opened(note)
+    zenoh = config.zenoh
+    note = note._replace(namespace=zenoh.namespace, listen=tuple(zenoh.listen))
     try:
         check_folder(folder)
     except OSError:
@@ -213,7 +197,13 @@ def session_options(config: Config) -> SessionOptions:
 
 
 def session(
-    config: Config, clock: Clock, listener: Listener, open_it: Opener, tap: Tap = NO_TAP
+    config: Config,
+    clock: Clock,
+    listener: Listener,
+    open_it: Opener,
+    tap: Tap = NO_TAP,
+    *,
+    guard: PortGuard | None = None,
 ) -> Session:
     if config.board.write_settings:
         # A type says which car it is, and only a person knows that: `yahboomd probe --write`.
@@ -221,4 +211,4 @@ def session(
             name: value for name, value in config.profile().settings.items() if name not in TYPES
         }
         open_it = storing_opener(open_it, clock, want, listener.event, tap)
-    return Session(open_it, clock, listener, session_options(config), tap)
+    return Session(open_it, clock, listener, session_options(config), tap, guard=guard)

@@ -5,8 +5,7 @@ drives on: so the wheels are stopped first. SIGKILL and SIGSTOP cannot be caught
 of the program (SIGSEGV, SIGABRT) no code of it can be relied on: there the service manager stops
 the wheels.
 
-systemd receives datagrams on the socket that ``NOTIFY_SOCKET`` names (sd_notify(3)). Without a
-service manager a guard receives the same words on a pipe.
+systemd receives datagrams on the socket that ``NOTIFY_SOCKET`` names (sd_notify(3)).
 """
 
 from __future__ import annotations
@@ -24,8 +23,6 @@ from collections.abc import Awaitable, Callable, Mapping
 from yahboomd.core.clock import Clock, nanoseconds
 from yahboomd.core.daemon.logs import flush
 from yahboomd.core.errors import BusError, ConfigError
-from yahboomd.core.link import port_note
-from yahboomd.core.link.port_note import PortNote
 from yahboomd.core.model import NS_PER_S
 
 log = logging.getLogger(__name__)
@@ -169,20 +166,15 @@ GUARDED_NS = 2 * NS_PER_S
 
 
 class Notifier:
-    """Reports to the service manager, if there is one, and to the guard.
+    """Reports to the service manager, if there is one."""
 
-    Args:
-        guard: The pipe to the guard; None without one.
-    """
-
-    def __init__(self, environ: Mapping[str, str], guard: int | None = None) -> None:
-        self._guard = guard
+    def __init__(self, environ: Mapping[str, str]) -> None:
         address = environ.get("NOTIFY_SOCKET", "")
         # An abstract socket is written with @ and addressed with a NUL.
         self._address = "\0" + address[1:] if address.startswith("@") else address
         self._socket: socket.socket | None = None
         self._status = ""
-        self.watchdog_ns = _watchdog_ns(environ) if guard is None else GUARDED_NS
+        self.watchdog_ns = _watchdog_ns(environ)
         if address:
             self._socket = socket.socket(
                 socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC | socket.SOCK_NONBLOCK
@@ -212,36 +204,12 @@ class Notifier:
     def alive(self) -> None:
         self._send("WATCHDOG=1")
 
-    def port(self, note: PortNote) -> None:
-        """Report the port that this process has from now on. Any thread may call it."""
-        self._tell_guard(f"PORT={port_note.text_of(note)}")
-
-    def standing(self) -> None:
-        """Report that the wheels stand, and are not driven until the watchdog is fed again."""
-        self._tell_guard("STANDING=1")
-
     def close(self) -> None:
         if self._socket is not None:
             self._socket.close()
             self._socket = None
 
-    def _tell_guard(self, message: str) -> None:
-        if self._guard is None:
-            return
-        try:
-            os.write(self._guard, f"{message}\n".encode())
-        except BlockingIOError:
-            return
-        except OSError:
-            self._guard = None
-            log.warning(
-                "The guard has ended: if this process is killed or freezes, only `yahboomd stop` "
-                "stops the wheels. End yahboomd and start it again to be guarded."
-            )
-
     def _send(self, message: str) -> None:
-        if not message.startswith("STATUS="):
-            self._tell_guard(message)
         if self._socket is not None:
             # A manager that is too busy to listen must not stop a robot's control loop.
             with contextlib.suppress(OSError):

@@ -22,7 +22,7 @@ from yahboomd.core.daemon.commands import ClockWatch, CommandIntake, PoseIntake
 from yahboomd.core.daemon.control import Controller
 from yahboomd.core.daemon.estop.local_stop import LocalStop
 from yahboomd.core.daemon.planes import Plane, PlaneRequests, Planes
-from yahboomd.core.daemon.process import Notifier, Signals, open_bus
+from yahboomd.core.daemon.process import GUARDED_NS, Notifier, Signals, open_bus
 from yahboomd.core.daemon.publisher import PUBLISHED, Publisher
 from yahboomd.core.daemon.recorders import Recorders
 from yahboomd.core.daemon.requests import Operator, Services
@@ -32,6 +32,7 @@ from yahboomd.core.daemon.supervisor import Supervisor
 from yahboomd.core.errors import BusError, YahboomdError
 from yahboomd.core.link import port_note
 from yahboomd.core.link.port import Opener
+from yahboomd.core.link.port_guard import PortGuard
 from yahboomd.core.link.takeover import take_over
 from yahboomd.core.messages.codecs import encoding_name
 from yahboomd.core.model import Event, ImuEstimate, OdometryEstimate
@@ -48,7 +49,7 @@ class Daemon:
         black_box: Makes the black box.
         planes: Publish beside the native plane; the daemon drives without them.
         opener: Opens the port; made from the configuration unless given.
-        guard: The pipe to the process that stops the wheels if this one cannot; None without it.
+        guard: Stops the wheels if this process cannot; None without it.
     """
 
     def __init__(
@@ -60,14 +61,15 @@ class Daemon:
         planes: Sequence[Plane] = (),
         clock: Clock | None = None,
         opener: Opener | None = None,
-        guard: int | None = None,
+        guard: PortGuard | None = None,
     ) -> None:
         self._config = config
         self._environ = environ
         self._make_box = black_box
         self._clock = clock or SystemClock()
-        self._notifier = Notifier(environ, guard)
-        self._opener = opener or assembly.opener(config, self._clock, environ, self._notifier.port)
+        self._guard = guard or PortGuard()
+        self._notifier = Notifier(environ)
+        self._opener = opener or assembly.opener(config, self._clock, environ, self._guard)
         self._stop = asyncio.Event()
         self._signals = Signals(self.stop)
         self._status_due = asyncio.Event()
@@ -109,6 +111,7 @@ class Daemon:
                 await self._serve(bus, notifier)
         finally:
             notifier.stopping()
+            self._guard.ending()
             self.left_clean = await bus.close()
             notifier.close()
             self._signals.remove()
@@ -187,7 +190,9 @@ class Daemon:
             recorder=box.recorder,
         )
         supervisor = Supervisor(
-            lambda: assembly.session(config, clock, controller, self._opener, box.tap),
+            lambda: assembly.session(
+                config, clock, controller, self._opener, box.tap, guard=self._guard
+            ),
             clock,
             controller.unavailable,
         )
@@ -229,6 +234,7 @@ class Daemon:
             bus, report=controller.event, bus_lost=controller.bus_lost, changed=self.changed
         ).announce()
         notifier.ready()
+        self._guard.promise()
         gc.freeze()
         fault: BaseException | None = None
         try:
@@ -247,7 +253,7 @@ class Daemon:
                 self._end_note()
 
     def _end_note(self) -> None:
-        self._notifier.standing()
+        self._guard.standing()
         port_note.end(str(runtime_folder(self._environ, user_id=os.getuid())), os.getpid())
 
     async def _run_tasks(
@@ -286,9 +292,10 @@ class Daemon:
         if not self._signals.suspend.is_set():
             log.info("Continued before it was suspended.")
         elif supervisor.left_standing:
-            self._notifier.standing()
+            self._guard.standing()
             self._signals.freeze()
             self._notifier.alive()
+            self._guard.promise()
         else:
             self._signals.resume()
             log.error(
@@ -297,14 +304,15 @@ class Daemon:
             )
 
     async def _control(self, controller: Controller, notifier: Notifier) -> NoReturn:
-        feed_ns = None if notifier.watchdog_ns is None else notifier.watchdog_ns // 3
+        feed_ns = min(GUARDED_NS, notifier.watchdog_ns or GUARDED_NS) // 3
         fed_ns = 0
 
         def feed(beat_ns: int) -> None:
             nonlocal fed_ns
-            if feed_ns is not None and beat_ns - fed_ns >= feed_ns:
+            if beat_ns - fed_ns >= feed_ns:
                 fed_ns = beat_ns
                 notifier.alive()
+                self._guard.promise()
 
         await controller.run(feed)
 

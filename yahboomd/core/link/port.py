@@ -32,6 +32,9 @@ import serial_asyncio
 from yahboomd.core.clock import Clock
 from yahboomd.core.link.draining import drained, drop, in_kernel
 from yahboomd.core.link.port_errors import explained, lost
+from yahboomd.core.link.port_guard import PortGuard
+from yahboomd.core.link.port_identity import identify
+from yahboomd.core.link.port_note import PortNote
 from yahboomd.core.link.seize import Seized, take
 from yahboomd.core.model import NS_PER_S
 
@@ -170,6 +173,7 @@ class SerialPort(asyncio.Protocol):
         self._on_lost: Callable[[Exception | None], None] = lambda _error: None
         self._lost = False
         self._spilled = False
+        self._guard: PortGuard | None = None
         self._fd: int = device.fileno()
         self.name = path
         self.byte_ns = byte_time_ns(device.baudrate)
@@ -195,9 +199,17 @@ class SerialPort(asyncio.Protocol):
         self._on_data = on_data
         self._on_lost = on_lost
 
-    def fileno(self) -> int:
-        """The descriptor, for another process that has to outlive this one."""
-        return self._fd
+    def share(self, guard: PortGuard, options: PortOptions) -> PortNote:
+        """Share this port with a guard until it is closed; returns what it is told of the port.
+
+        Args:
+            options: How it was opened.
+        """
+        device = identify(os.fstat(self._fd))
+        note = PortNote(**msgspec.structs.asdict(options), device=device, pid=os.getpid())
+        self._guard = guard
+        guard.share(self._fd, note)
+        return note
 
     @property
     def pending(self) -> int:
@@ -256,6 +268,8 @@ class SerialPort(asyncio.Protocol):
         self._on_lost = lambda _error: None
         self._lost = True
         self._abort()
+        if self._guard is not None:
+            self._guard.close_port()
         # The transport would do it in the loop's next iteration: a process that opens the port at
         # once must not find it held by us.
         self._device.close()

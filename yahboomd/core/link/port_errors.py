@@ -8,6 +8,8 @@ import os
 
 from yahboomd.core.errors import LinkError, PortBusy, PortDenied, PortLost, PortMissing
 
+GUARD_NAME = "yahboomd-guard"
+
 
 def takes_no_output(path: str) -> PortLost:
     return PortLost(
@@ -51,12 +53,15 @@ def explained(path: str, error: Exception) -> LinkError:
 
 
 def holders(path: str) -> tuple[str, ...]:
-    """The processes, as ``name (pid N)``, that have the port open, as far as we may see."""
+    """The processes, as ``name (pid N)``, that have the port open, as far as we may see.
+
+    A guard beside its owner is left out: it ends with the owner's port.
+    """
     try:
         device = os.stat(path).st_rdev
     except OSError:
         return ()
-    found: list[str] = []
+    found: dict[str, str] = {}
     for entry in os.listdir("/proc"):
         if not entry.isdigit() or int(entry) == os.getpid():
             continue
@@ -64,10 +69,17 @@ def holders(path: str) -> tuple[str, ...]:
             for fd in os.listdir(f"/proc/{entry}/fd"):
                 with contextlib.suppress(OSError):
                     if os.stat(f"/proc/{entry}/fd/{fd}").st_rdev == device != 0:
-                        with open(f"/proc/{entry}/comm", encoding="utf-8") as comm:
-                            found.append(f"{comm.read().strip()} (pid {entry})")
+                        with open(f"/proc/{entry}/stat", encoding="utf-8") as stat:
+                            found[entry] = stat.read()
                         break
-    return tuple(found)
+    owners = {*found, str(os.getpid())}
+    names = []
+    for pid, status in found.items():
+        # The name stands in brackets, and may contain brackets itself.
+        name, _, rest = status.partition("(")[2].rpartition(")")
+        if name != GUARD_NAME or rest.split()[1] not in owners:
+            names.append(f"{name} (pid {pid})")
+    return tuple(names)
 
 
 def lost(path: str, error: Exception | None) -> PortLost:

@@ -18,6 +18,7 @@ from yahboomd.core.link.handshake import Identity
 from yahboomd.core.link.line import Line
 from yahboomd.core.link.poller import Poller
 from yahboomd.core.link.port import Opener, Port
+from yahboomd.core.link.port_guard import PortGuard
 from yahboomd.core.link.stopping import StopReport
 from yahboomd.core.link.tap import NO_TAP, Tap
 from yahboomd.core.model import NS_PER_S, Event
@@ -47,6 +48,9 @@ class SessionOptions(msgspec.Struct, frozen=True, kw_only=True):
 class Session:
     """One connection. ``run`` is called once.
 
+    Args:
+        guard: Stops the wheels if this process cannot; the opener shares the port with it.
+
     Attributes:
         board: The board, once connected.
     """
@@ -58,9 +62,12 @@ class Session:
         listener: Listener,
         options: SessionOptions,
         tap: Tap = NO_TAP,
+        *,
+        guard: PortGuard | None = None,
     ) -> None:
         self._opener = opener
         self._tap = tap
+        self._guard = guard
         self._clock = clock
         self._listener = listener
         self._options = options
@@ -130,6 +137,8 @@ class Session:
         found = await handshake.identify(line, options.dialect)
         dialect = found.for_profile(options.profile)
         line.understand(dialect, spacing_ns=dialect.totals_spacing_ns)
+        if self._guard is not None:
+            await self._guard.watches(dialect.resync + dialect.surest_stop, self._clock)
         await handshake.await_reports(line, dialect)
         settings = await handshake.read_settings(line, dialect, options.profile.settings)
         identity = Identity(dialect=dialect, settings=settings)

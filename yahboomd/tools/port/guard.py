@@ -14,6 +14,7 @@ import errno
 import os
 import select
 import signal
+import socket
 import sys
 import time
 from collections.abc import Iterator
@@ -24,11 +25,12 @@ if __name__ == "__main__":
     # Without `site` Python finds the standard library only.
     sys.path += sys.argv[2].split(os.pathsep)
 
+from yahboomd.core.link import guard_words as words
 from yahboomd.core.link import port_note
 from yahboomd.core.link.port_note import PortNote
 from yahboomd.core.link.seize import Seized, stop_again
 from yahboomd.tools.port import guard_law as law
-from yahboomd.tools.port.charge import ANSWER, Charge
+from yahboomd.tools.port.charge import Charge
 from yahboomd.tools.stop import last_stop
 
 if TYPE_CHECKING:
@@ -52,19 +54,21 @@ FAR_MS = 10**15
 NEVER_MS = 60_000
 """A poll without an end: the longest that poll(2) needs."""
 
-_HELD_BACK = (errno.EAGAIN, errno.EINTR)
+_HELD_BACK = (errno.EAGAIN, errno.EINTR, errno.ETIMEDOUT)
 
 
 class Guard:
     """Carries out the guard's decisions."""
 
-    def __init__(self, charge: Charge) -> None:
+    def __init__(self, charge: Charge, channel: socket.socket) -> None:
         self._charge = charge
+        self._channel = channel
+        self._owner = -1
         self._limits = law.Limits(kill_after=0 if charge.kills else FAR_MS)
         self._state = law.State()
         self._note: PortNote | None = None
         self._seized: Seized | None = None
-        self._data = b""
+        self._stop = b""
         self._why = ENDED
         self._trouble: Exception | TakeoverReport | None = None
         self._outcome = ""
@@ -75,58 +79,73 @@ class Guard:
 
     def serve(self) -> None:
         """Guard until the wheels were seen to stand."""
-        if self._charge.port >= 0:
-            self._take(law.Shared())
+        self._channel.setblocking(False)
         poll = select.poll()
-        poll.register(self._charge.messages, select.POLLIN)
+        poll.register(self._channel, select.POLLIN)
         with contextlib.suppress(OSError):
-            # A child of the owner may hold the other end of its messages.
-            owner = os.pidfd_open(self._charge.owner)
-            if os.getppid() == self._charge.owner:
-                poll.register(owner, select.POLLIN)
+            # A child of the owner may hold the other end of the channel.
+            self._owner = os.pidfd_open(self._charge.owner)
+            poll.register(self._owner, select.POLLIN)
         while not self._over:
             due, now = self._state.due, _now_ms()
             wait_ms = NEVER_MS if due is None else max(0, min(NEVER_MS, due - now))
             if self._state.owner == "ended":
                 time.sleep(wait_ms / 1000.0)
-            elif poll.poll(wait_ms):
-                self._hear()
+            else:
+                ready = {fd for fd, _ in poll.poll(wait_ms)}
+                # While it is the parent, its id cannot belong to another process.
+                self._hear(ended=self._owner in ready or os.getppid() != self._charge.owner)
             if not self._over:
                 self._take(law.Tick())
                 self._tell()
 
     # What the owner says.
 
-    def _hear(self) -> None:
-        """Take its messages; without any, it has ended, or leaves its wheels to the guard."""
-        poll = select.poll()
-        poll.register(self._charge.messages, select.POLLIN)
-        data = os.read(self._charge.messages, 4096) if poll.poll(0) else b""
-        if not data:
+    def _hear(self, *, ended: bool) -> None:
+        """Take what it said; then its end, or that it leaves its wheels to the guard."""
+        while True:
+            try:
+                message, fds, flags, _ = socket.recv_fds(self._channel, words.MAX_BYTES, 1)
+            except BlockingIOError:
+                break
+            except ConnectionResetError:
+                # It left an answer unread; what it said before is still there.
+                continue
+            if not message:
+                ended = True
+                break
+            if flags & socket.MSG_CTRUNC:
+                # Without a free descriptor the kernel drops the owner's.
+                self._say_to_owner(b"0")
+            self._read(*message.partition(b" ")[::2], *fds)
+        if ended:
+            if self._seized is not None:
+                self._seized = self._seized._replace(spoken_ns=time.monotonic_ns())
             self._began_s = self._asked_s = time.monotonic()
             self._take(law.Ended())
-            return
-        *lines, self._data = (self._data + data).split(b"\n")
-        for line in lines:
-            self._read(*line.partition(b"=")[::2])
 
-    def _read(self, name: bytes, value: bytes) -> None:
+    def _read(self, name: bytes, value: bytes, fd: int | None = None) -> None:
         state = self._state
-        if name == b"PORT":
-            self._note = port_note.note_of(value)
+        if name == words.PORT:
+            self._note = note = port_note.note_of(value)
+            if note is not None and fd is not None:
+                self._close()
+                self._seized = Seized(fd, note.path, note.baudrate, time.monotonic_ns())
+                self._stop = b""
+                self._take(law.Shared())
             if not state.turning:
                 self._take(law.Renewed(FAR_MS))
-        elif name in {b"READY", b"WATCHDOG"}:
+        elif name == words.STOP:
+            self._stop = value
+        elif name == words.CLOSE:
+            self._take(law.CloseAsked())
+        elif name == words.PROMISE:
             self._take(law.Acknowledged(state.stop))
             self._take(law.Renewed(_now_ms() + round(1000.0 * self._charge.lease_s)))
-        elif name == b"STOPPING" and state.turning:
+        elif name == words.ENDING and state.turning:
             self._take(law.Renewed(FAR_MS))
-        elif name == b"STANDING":
+        elif name == words.STANDING:
             self._take(law.Standing())
-        elif name == b"LOST":
-            self._take(law.CloseAsked())
-            self._began_s = self._asked_s = time.monotonic()
-            self._take(law.Ended())
 
     # What the machine decides.
 
@@ -141,7 +160,10 @@ class Guard:
 
     def _carry_out(self, action: law.Action) -> law.Event | None:
         if action == "answer":
-            os.write(1, ANSWER)
+            seized = self._seized
+            self._say_to_owner(
+                words.CLOSED if seized is None else b"%d" % os.fstat(seized.fd).st_rdev
+            )
         elif action in {"send zero", "send surest"}:
             return self._send()
         elif action == "open":
@@ -151,21 +173,20 @@ class Guard:
         elif action == "close":
             self._close()
         elif action == "kill":
-            if os.getppid() == self._charge.owner:
-                # While it is the parent, its id cannot belong to another process.
-                os.kill(self._charge.owner, signal.SIGKILL)
+            with contextlib.suppress(OSError):
+                signal.pidfd_send_signal(self._owner, signal.SIGKILL)
                 self._why = KILLED
         else:
             self._end()
         return None
 
-    @property
-    def _fd(self) -> int:
-        return self._charge.port if self._seized is None else self._seized.fd
-
     def _send(self) -> law.Event | None:
+        assert self._seized is not None
         try:
-            os.write(self._fd, bytes.fromhex(self._charge.stop))
+            if self._stop:
+                os.write(self._seized.fd, self._stop)
+            else:
+                stop_again(self._seized)
         except OSError as error:
             self._trouble = error
             return None if error.errno in _HELD_BACK else law.Gone()
@@ -183,16 +204,13 @@ class Guard:
             return law.Opened(ours=True)
         if time.monotonic() - self._asked_s >= ASK_S:
             self._asked_s = time.monotonic()
-            if words := last_stop.connected_daemon(last_stop.path_of(self._note)):
-                self._outcome = words
+            if found := last_stop.connected_daemon(last_stop.path_of(self._note)):
+                self._outcome = found
                 return law.Relieved()
         return law.Opened(ours=False)
 
     def _look(self) -> law.Event:
-        note = self._note
-        assert note is not None
-        if self._seized is None:
-            self._seized = Seized(self._fd, note.path, note.baudrate, time.monotonic_ns())
+        assert self._seized is not None
         if self._why:
             self._say(f"{self._explained_why()} A stop was sent.")
             self._why = ""
@@ -211,10 +229,10 @@ class Guard:
 
     def _close(self) -> None:
         """Close the port: while it is open, the kernel gives its name to no other device."""
-        with contextlib.suppress(OSError):
-            os.close(self._fd)
-        self._seized = None
-        self._charge = self._charge._replace(port=-1)
+        seized, self._seized = self._seized, None
+        if seized is not None:
+            with contextlib.suppress(OSError):
+                os.close(seized.fd)
 
     def _end(self) -> None:
         self._over = True
@@ -226,8 +244,7 @@ class Guard:
                 port_note.end(self._charge.folder, self._charge.owner)
         if self._outcome:
             self._say(self._outcome)
-            with contextlib.suppress(OSError):
-                os.write(1, self._outcome.encode())
+            self._say_to_owner(self._outcome.encode())
 
     # What a person hears.
 
@@ -241,16 +258,20 @@ class Guard:
         if self._over or time.monotonic() - self._began_s < self._word_s:
             return
         self._word_s = next(self._due_s)
-        words = last_stop.unfinished(self._note, self._trouble)
-        self._say(f"{self._explained_why()} {words}".lstrip())
+        unfinished = last_stop.unfinished(self._note, self._trouble)
+        self._say(f"{self._explained_why()} {unfinished}".lstrip())
         self._why = ""
 
-    def _say(self, words: str) -> None:
+    def _say(self, sentence: str) -> None:
         """Print words, unless the owner lives: it says them itself."""
         poll = select.poll()
-        poll.register(self._charge.messages, 0)
+        poll.register(self._channel, 0)
         if os.getppid() != self._charge.owner or poll.poll(0):
-            last_stop.say(words)
+            last_stop.say(sentence)
+
+    def _say_to_owner(self, answer: bytes) -> None:
+        with contextlib.suppress(OSError):
+            self._channel.send(answer)
 
 
 def _now_ms() -> int:
@@ -262,4 +283,5 @@ if __name__ == "__main__":
     with contextlib.suppress(OSError), open("/proc/self/comm", "w", encoding="ascii") as name:
         name.write("yahboomd-guard")
     last_stop.ignore_signals()
-    Guard(Charge.of(sys.argv[1])).serve()
+    _charge = Charge.of(sys.argv[1])
+    Guard(_charge, socket.socket(fileno=_charge.channel)).serve()

@@ -10,15 +10,18 @@ import asyncio
 import contextlib
 import os
 from collections.abc import AsyncIterator, Callable
+from functools import partial
 
 from yahboomd.core.config import Config
 from yahboomd.core.errors import BoardError, PortLost, YahboomdError
 from yahboomd.core.link.line import Line
-from yahboomd.core.link.port import SerialPort
-from yahboomd.core.link.port_identity import identify
-from yahboomd.core.link.port_note import PortNote
+from yahboomd.core.link.port import PortOptions, SerialPort
+from yahboomd.core.link.port_guard import ENDS_WITHIN_S, PortGuard
 from yahboomd.core.protocol.dialect import Dialect
-from yahboomd.tools.port.tool_guard import ToolGuard
+from yahboomd.tools.port import charge
+
+LEASE_S = 0.6
+"""A little longer than a pulse; after it the guard stops the wheels, whatever the tool does."""
 
 PLUG_IN = (
     "{port} went away while wheels may turn, and they turn on. Plug the board in again, into the "
@@ -51,35 +54,37 @@ class GuardedPort:
 
     def __init__(self, line: Line, config: Config) -> None:
         self._line = line
-        self._port = port = line.port
-        self._guard: ToolGuard | None = None
+        self._port = line.port
+        self._serial = config.serial
+        self._guard = PortGuard(partial(charge.start, LEASE_S), renewed=False)
         self.turning = False
-        self.note: PortNote | None = None
-        if isinstance(port, SerialPort):
-            serial = config.serial
-            self.note = PortNote(
-                path=port.name,
-                baudrate=serial.baudrate,
-                dtr=serial.dtr,
-                rts=serial.rts,
-                hangup_on_close=serial.hangup_on_close,
-                device=identify(os.fstat(port.fileno())),
-            )
 
-    def watch_over(self, dialect: Dialect) -> None:
+    async def watch_over(self, dialect: Dialect) -> None:
         """Start the guard.
 
         Raises:
             BoardError: It does not start.
         """
-        if not isinstance(self._port, SerialPort):
+        port, serial = self._port, self._serial
+        if not isinstance(port, SerialPort):
             return
-        assert self.note is not None
-        stop = dialect.resync + dialect.surest_stop
-        try:
-            self._guard = ToolGuard.start(self._port.fileno(), stop, self.note)
-        except OSError as error:
-            raise BoardError(f"No motor is turned: {error}.") from error
+        options = PortOptions(
+            path=port.name,
+            baudrate=serial.baudrate,
+            dtr=serial.dtr,
+            rts=serial.rts,
+            hangup_on_close=serial.hangup_on_close,
+        )
+        with contextlib.suppress(OSError):
+            self._guard.begin()
+            port.share(self._guard, options)
+            if await self._guard.watches(dialect.resync + dialect.surest_stop, self._line.clock):
+                self._guard.standing()
+                return
+        raise BoardError(
+            "No motor is turned: the process that would stop the wheels after a crash does not "
+            "start."
+        )
 
     def mark(self, turning: bool) -> None:
         """Record that wheels are about to be driven (True), or were seen to stand.
@@ -88,8 +93,13 @@ class GuardedPort:
             BoardError: The guard is gone: no wheel must be driven.
         """
         self.turning = turning
-        if self._guard is not None:
-            self._guard.mark(turning)
+        if not isinstance(self._port, SerialPort):
+            return
+        self._guard.promise() if turning else self._guard.standing()
+        if self._guard.gone:
+            raise BoardError(
+                "The process that stops the wheels after a crash has ended: no motor is turned."
+            )
 
     async def stop_when_back(self, say: Callable[[str], None]) -> str:
         """Wait until the guard has found the device, and seen its wheels stand.
@@ -100,30 +110,24 @@ class GuardedPort:
         Raises:
             LeftTurning: The wait was cancelled.
         """
-        guard, self._guard = self._guard, None
-        assert guard is not None
         say(PLUG_IN.format(port=self._port.name))
         try:
-            words = await guard.stopped_after_loss()
+            words = await self._guard.outcome(self._line.clock)
         except asyncio.CancelledError as error:
             by_person = error.args == ("SIGINT",)
-            guard.dismiss() if by_person else guard.close(within_s=0.0)
+            self._guard.dismiss() if by_person else self._guard.end()
             # The terminal may be gone.
             with contextlib.suppress(OSError):
                 say(NOT_STOPPED if by_person else NOT_STOPPED + GUARD_WAITS)
             raise LeftTurning from error
-        guard.close()
         return words or NOT_STOPPED
 
     def close(self) -> None:
         """End the guard, which first stops the wheels if they were not seen to stand."""
-        if self._guard is None:
-            return
         report = self._line.report
         if report is not None and report.doubt is None:
-            with contextlib.suppress(BoardError):
-                self.mark(False)
-        self._guard.close()
+            self._guard.standing()
+        self._guard.end(ENDS_WITHIN_S)
 
 
 @contextlib.asynccontextmanager
@@ -144,7 +148,7 @@ async def guarded(
     try:
         yield found
     except PortLost as lost:
-        if not found.turning or found.note is None:
+        if not found.turning:
             raise
         words = await found.stop_when_back(say)
         raise LostInMotion(f"{lost.message} {words}", remedy="Look at the cable.") from lost

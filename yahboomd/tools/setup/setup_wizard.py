@@ -211,7 +211,7 @@ class Wizard:
             await handshake.await_reports(line, talk.dialect)
             if by_hand:
                 return await ByHand(talk, person, robot).find(), GearSeen()
-            guard.watch_over(talk.dialect)
+            await guard.watch_over(talk.dialect)
             pulses = Pulses(
                 line,
                 talk.dialect,

@@ -132,7 +132,7 @@ class Stand:
             motion = dialect.motion(
                 config.kinematics(), motors, settings, scale=config.chassis.command_scale
             )
-            guard.watch_over(dialect)
+            await guard.watch_over(dialect)
             try:
                 async with line_blamed(line, dialect):
                     stand = cls(line, dialect, motors, motion, guard)

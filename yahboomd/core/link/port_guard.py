@@ -1,0 +1,244 @@
+"""The guard of this process's port, which stops the wheels when this process no longer can.
+
+The guard is a process of its own (:mod:`yahboomd.tools.port.guard`) that shares the open port: its
+stop needs no port to be opened. The kernel's lock belongs to what both share, so that this process
+closes its port only once the guard has closed it, too.
+
+What the two say is in :mod:`~yahboomd.core.link.guard_words`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import logging
+import os
+import select
+import socket
+import subprocess
+import termios
+from collections.abc import Callable, Sequence
+
+from yahboomd.core.clock import Clock, nanoseconds, sleep_until
+from yahboomd.core.link import guard_words as words
+from yahboomd.core.link import port_note
+from yahboomd.core.link.port_note import PortNote
+
+log = logging.getLogger(__name__)
+
+ANSWERS_WITHIN_S = 10.0
+STARTS_WITHIN_S = 5.0
+"""The first answer of a process that a busy machine may just be starting."""
+CLOSES_WITHIN_S = 0.2
+ENDS_WITHIN_S = 2.0
+
+LOOK_S = 0.005
+
+UNGUARDED = (
+    "The guard has ended: if this process is killed or freezes, only `yahboomd stop` stops the "
+    "wheels. End yahboomd and start it again to be guarded."
+)
+
+StartGuard = Callable[[], tuple["subprocess.Popen[bytes]", socket.socket]]
+
+
+class PortGuard:
+    """A guard as its owner sees it; without a process behind it every message is dropped.
+
+    Args:
+        start: Starts the process; returns it with a socket for packets to it.
+        renewed: Start another one in place of a guard that ended or does not answer.
+    """
+
+    def __init__(self, start: StartGuard | None = None, *, renewed: bool = True) -> None:
+        self._start = start
+        self._renewed = renewed
+        self._process: subprocess.Popen[bytes] | None = None
+        self._channel: socket.socket | None = None
+        self._fd: int | None = None
+        self._note: PortNote | None = None
+        self._stop = b""
+        self._answered = False
+
+    def begin(self) -> None:
+        """Start the process.
+
+        Raises:
+            OSError: It does not start.
+        """
+        if self._start is not None:
+            self._process, self._channel = self._start()
+            self._channel.setblocking(False)
+
+    @property
+    def pid(self) -> int | None:
+        return None if self._process is None else self._process.pid
+
+    @property
+    def gone(self) -> bool:
+        """Whether there is no guard any more."""
+        return self._start is not None and self._channel is None
+
+    # The port.
+
+    def share(self, fd: int, note: PortNote) -> None:
+        """Share a port that was opened just now.
+
+        Args:
+            fd: Its descriptor; :meth:`close_port` has to be called before or after it is closed.
+            note: The device and how it was opened.
+        """
+        self._note, self._stop = note, b""
+        if self._channel is not None:
+            with contextlib.suppress(OSError):
+                # A port that went away is closed before it is known: its number may be another's.
+                self._fd = os.dup(fd)
+        self._tell_port()
+
+    async def watches(self, stop: bytes, clock: Clock) -> bool:
+        """Whether the guard has the port. Until then no wheel must be commanded.
+
+        Args:
+            stop: Bytes that stop the wheels, from any state of the board's parser.
+        """
+        if self._channel is None:
+            return False
+        self._stop = stop
+        self._tell(words.STOP, stop)
+        expected = b"" if self._fd is None else b"%d" % os.fstat(self._fd).st_rdev
+        for _ in range(2):
+            until_ns = clock.now_ns() + nanoseconds(ANSWERS_WITHIN_S)
+            while (answer := self._answer()) is None and clock.now_ns() < until_ns:
+                await sleep_until(clock, clock.now_ns() + nanoseconds(LOOK_S))
+            self._answered = self._answered or bool(answer)
+            if answer == expected:
+                return True
+            # It may have no free descriptor, and not know that it lost the port.
+            self._replace()
+        return False
+
+    def close_port(self) -> None:
+        """Wait until the guard has closed the port: then this process may close or open it."""
+        fd, self._fd = self._fd, None
+        if fd is None:
+            return
+        self._tell(words.CLOSE)
+        if not self._closed():
+            self._replace()
+            # A guard that is being killed may have it a moment longer.
+            with contextlib.suppress(OSError):
+                fcntl.flock(fd, fcntl.LOCK_UN)
+                fcntl.ioctl(fd, termios.TIOCNXCL)
+        os.close(fd)
+
+    def _closed(self) -> bool:
+        if self._channel is None:
+            return False
+        poll = select.poll()
+        poll.register(self._channel, select.POLLIN)
+        within_s = CLOSES_WITHIN_S if self._answered else STARTS_WITHIN_S
+        while poll.poll(1000.0 * within_s) and (answer := self._answer()):
+            if answer == words.CLOSED:
+                self._answered = True
+                return True
+        return False
+
+    # The wheels.
+
+    def promise(self) -> None:
+        """Promise to be here again in a moment: wheels may turn."""
+        self._tell(words.PROMISE)
+
+    def ending(self) -> None:
+        """Wheels may turn, and this process is ending: no promise lapses any more."""
+        self._tell(words.ENDING)
+
+    def standing(self) -> None:
+        """The wheels were seen to stand, and none is driven before the next promise."""
+        self._tell(words.STANDING)
+
+    # The end.
+
+    async def outcome(self, clock: Clock) -> str:
+        """Leave the wheels to the guard, and wait until it has seen them stand.
+
+        Returns:
+            The outcome in words; empty if the guard was killed.
+        """
+        with contextlib.suppress(OSError):
+            if self._channel is not None:
+                self._channel.shutdown(socket.SHUT_WR)
+        while True:
+            answer = self._answer()
+            if answer is None:
+                await sleep_until(clock, clock.now_ns() + nanoseconds(LOOK_S))
+            elif answer != words.CLOSED and not answer.isdigit():
+                return answer.decode()
+
+    def dismiss(self) -> None:
+        """End the guard without a stop: a person takes care of the wheels."""
+        if self._process is not None:
+            self._process.kill()
+        self.end(CLOSES_WITHIN_S)
+
+    def end(self, within_s: float = 0.0) -> None:
+        """End the guard; if the wheels may turn, it first sees them stand.
+
+        Args:
+            within_s: How long to wait for that. The guard goes on without this process.
+        """
+        process, self._process = self._process, None
+        if self._channel is not None:
+            self._channel.close()
+            self._channel = None
+        if process is not None:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(within_s)
+            # Tells subprocess not to wait for it.
+            process.returncode = 0
+
+    # Messages.
+
+    def _tell_port(self) -> None:
+        if self._note is not None:
+            fds = [] if self._fd is None else [self._fd]
+            self._tell(words.PORT, port_note.text_of(self._note).encode(), fds)
+        if self._stop:
+            self._tell(words.STOP, self._stop)
+
+    def _tell(self, word: bytes, value: bytes = b"", fds: Sequence[int] = ()) -> None:
+        if self._channel is None:
+            return
+        try:
+            socket.send_fds(self._channel, [word, b" ", value], [*fds])
+        except OSError:
+            # It has ended, or is frozen and reads nothing.
+            self._replace()
+
+    def _answer(self) -> bytes | None:
+        """The next packet from the guard; None if there is none yet, empty if it has ended."""
+        if self._channel is None:
+            return b""
+        try:
+            return self._channel.recv(words.MAX_BYTES)
+        except BlockingIOError:
+            return None
+        except OSError:
+            return b""
+
+    def _replace(self) -> None:
+        self.dismiss()
+        # One that never answered would not do so the next time.
+        if not self._renewed:
+            return
+        if not self._answered:
+            log.warning("%s", UNGUARDED)
+            return
+        self._answered = False
+        try:
+            self.begin()
+        except OSError:
+            log.warning("%s", UNGUARDED)
+            return
+        log.warning("The guard has ended, or does not answer: another one was started.")
+        self._tell_port()
