@@ -77,7 +77,6 @@ NAMED_ELSEWHERE = {
     "yahboomd/core/protocol/first_words.py": "the stop before anything can be imported",
     "yahboomd/simulation/boards.py": "the row of each simulated board",
     "yahboomd/simulation/options.py": "the board that is simulated where none is named",
-    "yahboomd/tools/schemas/samples.py": "a golden sample is one of a real board",
 }
 
 
@@ -99,7 +98,11 @@ def test_suites_that_a_target_leaves_out_are_there() -> None:
 
 
 SAFETY = (ROOT / "docs" / "safety.md").read_text()
-TESTS = "\n".join(path.read_text() for path in sorted((ROOT / "tests").rglob("test_*.py")))
+TESTS = "\n".join(
+    path.read_text()
+    for folder in (ROOT / "tests", *ROOT.glob("extras/*/tests"))
+    for path in sorted(folder.rglob("test_*.py"))
+)
 NAMES = set(re.findall(r"^(?:async )?def (test_\w+)", TESTS, re.MULTILINE))
 NIGHTLY = set(
     re.findall(
