@@ -390,7 +390,7 @@ async def main():
             return await until(lambda part: part["text"] if part.get("id") == number else None)
         await until(lambda part: part if part["type"] == "status" else None)
         undone = await use(1, "undo_calibration", {})
-        await use(2, "calibrate", {"verb": "tape", "choices": {"by-hand": True}})
+        await use(2, "calibrate", {"verb": "tape", "choices": {}})
         asked = await until(
             lambda part: (part["question"] or {}).get("text") or part["refused"] or None
             if part["type"] == "calibration" else None
@@ -435,7 +435,7 @@ def test_the_page_writes_the_calibration_and_reads_the_black_boxes(bench) -> Non
         assert found["boxes"]["boxes"]
         # It may write there: the undone calibration is gone, and another may begin.
         assert "calibration.toml" not in machine.run("ls", state), found["undone"]
-        assert "Done" in found["asked"], found
+        assert "A straight of 2 m" in found["asked"], found
         # Boxes are read-only for it: in its service even root writes none.
         pid = machine.show(unit, "MainPID")
         inside = f"nsenter --mount --target={pid} touch {state}/blackbox/x 2>&1"

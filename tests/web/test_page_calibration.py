@@ -444,26 +444,6 @@ async def test_a_page_that_falls_silent_in_mid_run_stops_the_robot_and_is_asked_
         await robot.ended()
 
 
-@pytest.mark.nightly
-@on_virtual_time
-async def test_a_robot_that_a_person_pushes_is_driven_by_nothing(tmp_path: Path) -> None:
-    async with led(tmp_path) as robot:
-        robot.begin(**{"by-hand": True})
-        asked = await robot.asked("confirm")
-        assert "A straight of 1 m: mark the robot's place. Then move it like this." in asked["text"]
-        assert (asked["name"], asked["run"]) == ("moved", "straight")
-        for _ in range(20):
-            robot.wizard.hold(PAGE, asked["id"])
-            await asyncio.sleep(0.05)
-            assert robot.bench.standing
-        await robot.bench.drive(2.0, 0.3, source="cmd_vel/teleop")
-        assert robot.wizard.answer(PAGE, asked["id"], "") == ""
-        assert (await robot.asked("number"))["run"] == "straight"
-        robot.wizard.end()
-        await robot.bench.until(lambda: robot.over)
-        assert robot.shown["refused"] == "Ended: nothing was driven, and nothing was written."
-
-
 @on_virtual_time
 async def test_an_emergency_stop_in_mid_run_ends_the_calibration(tmp_path: Path) -> None:
     async with led(tmp_path) as robot:

@@ -1,4 +1,4 @@
-"""``yahboomd calibrate``: finds the true size of wheels and track by tape, squares or a sensor."""
+"""``yahboomd calibrate``: finds the true size of wheels and track by tape or squares."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import asyncio
 import contextlib
 import signal
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from yahboomd.cli.shared_options import add_source_option, number, source_of
@@ -30,9 +29,7 @@ EPILOG = """\
 examples:
   yahboomd calibrate tape                    a straight of 2 m and 5 turns in place: ten minutes
   yahboomd calibrate squares --side 2        five squares each way, then a straight: the best
-  yahboomd calibrate tape --by-hand          you push the robot; it drives nothing
   yahboomd calibrate squares --dry-run       print the result, write nothing
-  yahboomd calibrate poses run1 --frames map laser
   yahboomd calibrate imu                     turn it by hand: axes and scale of the sensor
   yahboomd calibrate tape --dialogue json --held     led by a program, such as a page
   yahboomd calibrate undo                    the calibration before counts again
@@ -83,25 +80,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
             help="with --dialogue: it moves only while lines report that a button is held",
         )
         add_robot_options(each)
-    poses = verbs.add_parser(
-        "poses",
-        help="against another sensor's poses in a recording: no tape at all",
-        description="Against the poses of another sensor, such as SLAM or motion capture, in a "
-        "recording with the joint states. The place of the sensor on the robot is found too.",
-    )
-    poses.add_argument(
-        "bags", metavar="BAG", nargs="+", type=Path, help="folder of a bag, such as record makes"
-    )
-    poses.add_argument("--topic", default="/tf", help="of the poses (default: %(default)s)")
-    poses.add_argument(
-        "--frames",
-        metavar=("PARENT", "CHILD"),
-        nargs=2,
-        help="of the transform, if the topic carries transforms, such as map laser",
-    )
-    poses.add_argument("--dry-run", action="store_true", help="print the result, write nothing")
-    _add_json_option(poses)
-    add_config_options(poses)
     imu = verbs.add_parser(
         "imu",
         help="turns by hand: how the inertial sensor is mounted, and its gyro's scale",
@@ -162,22 +140,10 @@ def run(args: argparse.Namespace) -> int:
 def _run(args: argparse.Namespace) -> int:
     from yahboomd.cli.shared_options import read_config
     from yahboomd.tools.calibrate import calibration
-    from yahboomd.tools.terminal.asking import Answers
 
     loaded = read_config(args)
     if args.verb == "undo":
         print(calibration.undo(loaded))
-        return 0
-    if args.verb == "poses":
-        work = calibration.calibrate_by_poses(
-            loaded,
-            args.bags,
-            Answers(as_json=args.json),
-            topic=args.topic,
-            frames=tuple(args.frames) if args.frames else None,
-            dry_run=args.dry_run,
-        )
-        asyncio.run(work)
         return 0
     return _with_person(args, loaded)
 

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 EXTRAS = {
     "rich": "monitor",
-    "rosbags": "calibrate",
     "matplotlib": "plot",
     "numpy": "calibrate",
     "mcap": "record",

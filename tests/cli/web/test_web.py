@@ -32,9 +32,7 @@ def test_it_prints_its_address_and_ends_in_order() -> None:
 def test_the_extra_has_what_the_commands_behind_the_page_need() -> None:
     project = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text())
     extras = project["project"]["optional-dependencies"]
-    # The poses of another sensor are fitted in the terminal alone.
-    needed = {*extras["record"], *extras["calibrate"]} - {"rosbags>=0.11"}
-    assert needed <= set(extras["web"])
+    assert {*extras["record"], *extras["calibrate"]} <= set(extras["web"])
 
 
 def test_beyond_loopback_links_are_made_by_a_command_and_never_printed_into_a_log(

@@ -10,29 +10,29 @@ from yahboomd.tools.calibrate.choices import CALIBRATIONS, TapeRuns, fields_of, 
 
 
 def test_what_is_not_chosen_is_the_default() -> None:
-    chosen = {"straight": 1.5, "turns": 3, "by-hand": True, "dry-run": False}
-    assert read_choices("tape", chosen) == TapeRuns(straight_m=1.5, turns=3, by_hand=True)
+    chosen = {"straight": 1.5, "turns": 3, "dry-run": True}
+    assert read_choices("tape", chosen) == TapeRuns(straight_m=1.5, turns=3, dry_run=True)
 
 
 @pytest.mark.parametrize(
     ("verb", "choices"),
     [
-        ("poses", {}),
-        ("tape --by-hand", {}),
+        ("undo", {}),
+        ("tape --dry-run", {}),
         (["tape"], {}),
         (None, {}),
         ("tape", {"config": "/etc/shadow"}),
         ("tape", {"--config": 1}),
         ("tape", {"source": "cmd_vel/teleop"}),
         ("tape", {"straight_m": 1.0}),
-        ("tape", {"straight": "1 --by-hand"}),
+        ("tape", {"straight": "1 --dry-run"}),
         ("tape", {"straight": True}),
         ("tape", {"straight": float("nan")}),
         ("tape", {"straight": 1e9}),
         ("tape", {"straight": -1}),
         ("tape", {"turns": 1.5}),
-        ("tape", {"by-hand": "yes"}),
-        ("tape", {"by-hand": 1}),
+        ("tape", {"dry-run": "yes"}),
+        ("tape", {"dry-run": 1}),
         ("imu", {"speed": 0.2}),
     ],
 )
@@ -56,7 +56,7 @@ def test_every_bound_and_default_of_a_field_may_be_chosen_and_nothing_beyond(ver
 def test_the_usual_choices_come_first_and_have_words_with_their_unit() -> None:
     fields = fields_of(TapeRuns)
     usual, speeds = ["straight", "turns"], ["speed", "turn-speed", "sideways"]
-    assert list(fields) == [*usual, *speeds, "by-hand", "dry-run"]
+    assert list(fields) == [*usual, *speeds, "dry-run"]
     assert fields["straight"] == {
         "description": "straight run, m",
         "type": "number",
@@ -64,4 +64,4 @@ def test_the_usual_choices_come_first_and_have_words_with_their_unit() -> None:
         "maximum": 20.0,
         "default": 2.0,
     }
-    assert (fields["turns"]["type"], fields["by-hand"]["type"]) == ("integer", "boolean")
+    assert (fields["turns"]["type"], fields["dry-run"]["type"]) == ("integer", "boolean")

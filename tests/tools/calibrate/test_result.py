@@ -29,12 +29,12 @@ BAD = Fit(factors=Factors(1.5), std=GOOD.std, chi_squared=1.2, errors=((0.001, 0
 
 
 def concluded(*given: Any, **named: Any) -> None:
-    asyncio.run(conclude(*given, **named))
+    asyncio.run(conclude(*given, method="tape", runs=(), **named))
 
 
 def test_a_good_result_is_written_and_read_back(tmp_path: Path, capsys) -> None:
     path = tmp_path / "state" / "calibration.toml"
-    concluded(GOOD, Config(), path, method="tape", dry_run=False, person=Answers())
+    concluded(GOOD, Config(), path, dry_run=False, person=Answers())
     out, err = capsys.readouterr()
     assert "radius left         1.00000     1.01493" in out
     assert f"Written to {path}" in err
@@ -46,7 +46,7 @@ def test_a_good_result_is_written_and_read_back(tmp_path: Path, capsys) -> None:
 
 def test_a_dry_run_writes_nothing(tmp_path: Path, capsys) -> None:
     path = tmp_path / "calibration.toml"
-    concluded(GOOD, Config(), path, method="tape", dry_run=True, person=Answers(as_json=True))
+    concluded(GOOD, Config(), path, dry_run=True, person=Answers(as_json=True))
     facts = json.loads(capsys.readouterr().out)
     assert (facts["written"], facts["refused"]) == (None, [])
     assert not path.exists()
@@ -57,7 +57,7 @@ def test_a_result_that_cannot_be_trusted_writes_nothing_and_says_why(
 ) -> None:
     path = tmp_path / "calibration.toml"
     with pytest.raises(Refused, match=r"The left wheels' radius would be 1\.500"):
-        concluded(BAD, Config(), path, method="tape", dry_run=False, person=Answers(as_json=True))
+        concluded(BAD, Config(), path, dry_run=False, person=Answers(as_json=True))
     facts = json.loads(capsys.readouterr().out)
     assert facts["written"] is None
     assert len(facts["refused"]) == 2
@@ -68,10 +68,10 @@ def test_a_size_that_is_another_gear_names_the_profile_that_fits(tmp_path: Path,
     geared = Fit(factors=Factors(0.536), std=GOOD.std, chi_squared=1.2, errors=GOOD.errors)
     path = tmp_path / "calibration.toml"
     with pytest.raises(Refused, match=r"0\.536 is 30/56: .* board\.profile = \"520-1:56\""):
-        concluded(geared, Config(), path, method="tape", dry_run=False, person=Answers())
+        concluded(geared, Config(), path, dry_run=False, person=Answers())
     own = Config.of({"chassis": {"ticks_per_revolution": 1320.0}})
     with pytest.raises(Refused, match="radius would be") as refused:
-        concluded(geared, own, path, method="tape", dry_run=False, person=Answers())
+        concluded(geared, own, path, dry_run=False, person=Answers())
     assert "30/56" not in str(refused.value)
     capsys.readouterr()
     assert not path.exists()
@@ -81,7 +81,7 @@ def test_an_x3_that_counts_1040_is_not_called_a_sunrise(tmp_path: Path, capsys) 
     geared = Fit(factors=Factors(1.27), std=GOOD.std, chi_squared=1.2, errors=GOOD.errors)
     x3 = Config.of({"board": {"profile": "x3"}})
     with pytest.raises(Refused, match=r"ticks_per_revolution = 1040, and leave") as refused:
-        concluded(geared, x3, tmp_path / "c.toml", method="tape", dry_run=False, person=Answers())
+        concluded(geared, x3, tmp_path / "c.toml", dry_run=False, person=Answers())
     assert "sunrise" not in str(refused.value)
     capsys.readouterr()
 
@@ -100,7 +100,7 @@ async def test_a_slow_disk_holds_up_no_loop_and_a_cancellation_does_not_cut_a_fi
     monkeypatch.setattr(calibration_writing, "write_calibration", slow)
     path = tmp_path / "calibration.toml"
     work = asyncio.create_task(
-        conclude(GOOD, Config(), path, method="tape", dry_run=False, person=Answers())
+        conclude(GOOD, Config(), path, method="tape", runs=(), dry_run=False, person=Answers())
     )
     while not begun.is_set():
         await asyncio.sleep(0)

@@ -42,7 +42,7 @@ class Multipliers(Section):
     """Only of a mecanum base."""
     break_away_linear_m_s: Speed | None = None
     break_away_angular_rad_s: Speed | None = None
-    """Only if they were measured: not by hand."""
+    """Only if they were measured: by tape."""
 
 
 class Calibration(Section):

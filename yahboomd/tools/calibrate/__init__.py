@@ -2,7 +2,7 @@
 
 ``calibration`` has the function that command and page call, ``choices`` what they may choose.
 ``shapes`` moves the robot and gathers its counts, ``wizard`` and ``imu_by_hand`` ask the person,
-``dialogue`` asks through a page or another program, ``recorded_poses`` reads a recording instead.
+``dialogue`` asks through a page or another program.
 ``result`` explains the findings and writes them; the mathematics is in
 :mod:`yahboomd.tools.calibrate.estimates`.
 """

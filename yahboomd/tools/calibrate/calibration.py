@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import math
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -14,9 +13,6 @@ from yahboomd.tools.calibrate.calibration_writing import check_writable, undo_ca
 from yahboomd.tools.calibrate.choices import HandTurns, TapeRuns
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
     from yahboomd.client import AsyncRobot
     from yahboomd.core.clock import Clock
     from yahboomd.core.config import Config, Loaded
@@ -152,48 +148,9 @@ async def config_of(robot: AsyncRobot, loaded: Loaded) -> Config:
     return config
 
 
-async def calibrate_by_poses(
-    loaded: Loaded,
-    bags: Sequence[Path],
-    person: Person,
-    *,
-    topic: str,
-    frames: tuple[str, str] | None,
-    dry_run: bool,
-) -> None:
-    """Fit the counts of a recording to another sensor's poses, and write the result.
-
-    Raises:
-        Refused: The result cannot be trusted, or the recording cannot be used.
-        ConfigError: The file cannot be written.
-    """
-    from yahboomd.tools.calibrate.estimates.least_squares import Unseen
-    from yahboomd.tools.calibrate.estimates.sensor import fit_to_sensor
-    from yahboomd.tools.calibrate.estimates.verdict import unseen
-    from yahboomd.tools.calibrate.recorded_poses import tracks
-    from yahboomd.tools.calibrate.result import conclude
-
-    config = loaded.config
-    if config.kinematics().holonomic:
-        raise Refused("A mecanum base is calibrated by tape: `yahboomd calibrate tape`")
-    recorded = tracks(bags, config, topic=topic, frames=frames)
-    try:
-        found, mounting = fit_to_sensor(recorded)
-    except Unseen as error:
-        raise Refused(f"Nothing was written. {unseen(error)}") from error
-    person.say(
-        f"The sensor sits {mounting.x:.3f} m ahead and {mounting.y:.3f} m to the left of the "
-        f"axle's middle, turned {math.degrees(mounting.heading):.2f}\N{DEGREE SIGN} to the left."
-    )
-    method = f"poses of {topic}"
-    await conclude(
-        found, config, loaded.calibration_path, method=method, dry_run=dry_run, person=person
-    )
-
-
 async def ended(robot: AsyncRobot, choices: Choices) -> str:
     """Stop the robot of a calibration that was cancelled; returns the outcome in words."""
-    if isinstance(choices, HandTurns) or choices.by_hand:
+    if isinstance(choices, HandTurns):
         return "Ended: nothing was driven, and nothing was written."
     robot.stop()
     if await robot.standing():

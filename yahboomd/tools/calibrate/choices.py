@@ -29,7 +29,6 @@ class DrivenRuns(
 
     speed_m_s: Annotated[float, _seldom("speed, m/s", ge=0.02, le=1.0)] = 0.2
     turn_speed_rad_s: Annotated[float, _seldom("speed of turns, rad/s", ge=0.1, le=3.0)] = 0.8
-    by_hand: Annotated[bool, _seldom("push it by hand: it drives nothing")] = False
     dry_run: Annotated[bool, _seldom("show the result, write nothing")] = False
 
 

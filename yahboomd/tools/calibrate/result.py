@@ -31,7 +31,7 @@ async def conclude(
     path: Path | None,
     *,
     method: str,
-    runs: Sequence[Run] = (),
+    runs: Sequence[Run],
     sideways: Sideways | None = None,
     sideways_runs: Sequence[SidewaysRun] = (),
     break_away: Mapping[str, float] = NO_RAMPS,
@@ -170,10 +170,7 @@ def made_of(
 
 
 def _residual(fit: Fit, runs: int) -> str:
-    if runs:
-        return f"{fit.chi_squared**0.5:.2f} times what slip and tape explain, {runs} runs"
-    rms_m = (sum(x * x + y * y for x, y in fit.errors) / len(fit.errors)) ** 0.5
-    return f"{1000.0 * rms_m:.1f} mm in a piece of the path, of {len(fit.errors)} pieces"
+    return f"{fit.chi_squared**0.5:.2f} times what slip and tape explain, {runs} runs"
 
 
 def _table(fit: Fit, calibration: Calibration, sideways: Sideways | None) -> str:

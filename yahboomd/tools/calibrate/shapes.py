@@ -40,9 +40,6 @@ wheels count before."""
 BEGUN_COUNTS = 3
 """A wheel that counted more has begun to turn: an edge of the encoder may flicker."""
 
-MOST_COUNTS = 200_000
-"""The most readings of the wheels in a run by hand: an hour at 50 Hz, 40 MB."""
-
 
 class Sides:
     """Converts the ticks of single motors to the travel of the two sides, with nominal radii.
@@ -210,34 +207,24 @@ class LegDriver:
         self._stamp_ns = sample.stamp_ns
         return self.sides
 
-    async def begin(self, asked: Coroutine[Any, Any, None] | None = None) -> None:
+    async def begin(self, asked: Coroutine[Any, Any, None]) -> None:
         """Wait until the robot stands, then discard the gathered counts.
 
         Args:
             asked: A question to wait for first; the robot may be pushed onto its mark meanwhile.
         """
-        if asked is not None:
-            await self._gather_until(asked, kept=False)
-        await self._rest()
-        del self._ticks[:-1]
-        self._lost, self.gyro_rad = "", 0.0
-
-    async def _gather_until(self, asked: Coroutine[Any, Any, None], *, kept: bool) -> None:
         waiting = asyncio.create_task(asked)
         try:
             while not waiting.done():
                 await self._next()
-                if not kept:
-                    # An open question may wait for days.
-                    del self._ticks[:-1]
-                elif len(self._ticks) > MOST_COUNTS:
-                    raise Refused(
-                        f"{MOST_COUNTS} counts came in this run, which is too long: nothing was "
-                        "written."
-                    )
+                # An open question may wait for days.
+                del self._ticks[:-1]
             await waiting
         finally:
             waiting.cancel()
+        await self._rest()
+        del self._ticks[:-1]
+        self._lost, self.gyro_rad = "", 0.0
 
     async def _rest(self) -> None:
         """Gather until no wheel has moved for a while."""
@@ -302,11 +289,6 @@ class LegDriver:
         name = "turns" if leg.wz else "ways"
         speed = share * abs(leg.wz or leg.vx)
         self.break_away[name] = max(self.break_away[name], speed)
-
-    async def by_hand(self, asked: Coroutine[Any, Any, None]) -> None:
-        """Gather counts while the person moves the robot, until they confirm that it is done."""
-        await self._gather_until(asked, kept=True)
-        await self._rest()
 
     def gathered(self) -> tuple[Floats, Floats, float]:
         """The travel of both sides since :meth:`begin`, in steps, and the nominal separation."""

@@ -72,7 +72,7 @@ def length(counted_m: float) -> Number:
 
 
 class MeasuredRuns:
-    """The runs of a calibration: each is announced, driven or pushed, and measured."""
+    """The runs of a calibration: each is announced, driven and measured."""
 
     def __init__(self, driver: LegDriver, person: Person, choices: TapeRuns | SquareRuns) -> None:
         self._driver = driver
@@ -103,7 +103,7 @@ class MeasuredRuns:
         Raises:
             Refused: To the other side: left and right motors are exchanged.
         """
-        if self._choices.by_hand or self._driver.gyro_rad > 0.5 * whole:
+        if self._driver.gyro_rad > 0.5 * whole:
             return
         if await self._person.number(SIDE) == 2.0:
             raise Refused(
@@ -211,14 +211,9 @@ class MeasuredRuns:
         return value / 1000.0
 
     async def _move(self, run: str, legs: list[Leg], words: str) -> None:
-        """Announce a shape, wait for the person, and drive it or have it driven by hand."""
+        """Announce a shape, wait for the person, and drive it."""
         person, driver = self._person, self._driver
         person.about(run)
-        if self._choices.by_hand:
-            await driver.begin()
-            words = f"{words} Then move it like this. {person.enter} when it stands at the end."
-            await driver.by_hand(person.confirm("moved", words))
-            return
         while True:
             await driver.begin(person.start("move", words, driver.bounds(legs)))
             try:

@@ -35,14 +35,12 @@ _OBSERVE = {
     "ratio": "drive squares in both directions, and measure the robot's end positions",
     "track": "turn in place several times, or drive squares in both directions",
     "sideways": "drive 1 m or more to each side, and measure how far it went",
-    "travel": "record for a minute or longer, with curves to both sides",
 }
 _NAMES = {
     "scale": "the wheels' size",
     "ratio": "the ratio of the wheels",
     "track": "the track",
     "sideways": "the way to the side",
-    "travel": "travel",
 }
 
 
@@ -83,7 +81,7 @@ def doubts(
         found.append(
             "The measurements contradict each other: their errors are "
             f"{fit.chi_squared**0.5:.1f} times as large as slip and tape explain. Was a number "
-            "mistyped, a run pushed by hand, or a direction mixed up?"
+            "mistyped, the robot pushed, or a direction mixed up?"
         )
     factors = fit.factors
     for name, value, (least, most) in (
