@@ -27,7 +27,6 @@ COMMANDS = {
     "call": "call a service of the daemon",
     "events": "print events as they happen",
     "record": "write the messages of the bus to MCAP files",
-    "plot": "draw a recording",
     "replay": "compute the poses of a black box again",
     "web": "serve the page that drives the robot from a phone",
     "blackbox": "explain why the robot stopped, by its last minute",

@@ -1,1 +1,0 @@
-"""``plot``: draws a recording. ``recorded_series`` reads it."""
