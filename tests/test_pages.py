@@ -94,7 +94,7 @@ def test_every_toml_example_is_a_configuration() -> None:
         for block in re.findall(r"```toml\n(.*?)```", page.read_text(), re.DOTALL):
             example = tomllib.loads(block)
             if "fleet" not in example:  # The list of a fleet: its package has the test.
-                Config.of(example)
+                Config.model_validate(example)
                 count += 1
     assert count > 5
 

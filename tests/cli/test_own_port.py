@@ -17,7 +17,7 @@ def test_a_port_without_an_emergency_stop_is_free_to_turn_wheels(tmp_path: Path)
 
 def test_an_engaged_emergency_stop_is_refused_and_says_how_to_release_it(tmp_path: Path) -> None:
     environ = {"RUNTIME_DIRECTORY": str(tmp_path)}
-    config = Config.of({"serial": {"port": "/tmp/board"}})
+    config = Config.model_validate({"serial": {"port": "/tmp/board"}})
     LatchFile(config.latch_path(environ, user_id=os.getuid())).engage("a person")
     with pytest.raises(Refused, match=r"is engaged.*yahboomd stop --release"):
         refuse_estop("/tmp/board", Config(), environ)
@@ -27,7 +27,7 @@ def test_an_engaged_emergency_stop_is_refused_and_says_how_to_release_it(tmp_pat
 def test_a_latch_file_that_the_configuration_names_is_looked_at(tmp_path: Path) -> None:
     folder = tmp_path / "own"
     folder.mkdir()
-    config = Config.of({"estop": {"latch_file": str(folder / "latch")}})
+    config = Config.model_validate({"estop": {"latch_file": str(folder / "latch")}})
     LatchFile(folder / "latch").engage("a person")
     with pytest.raises(Refused, match="is engaged"):
         refuse_estop("/tmp/board", config, {"RUNTIME_DIRECTORY": str(tmp_path)})

@@ -18,7 +18,7 @@ def test_the_default_configuration_is_the_usual_robot() -> None:
 @pytest.mark.parametrize(("preset", "drive"), [("4wd", "skid_steer"), ("mecanum", "mecanum")])
 def test_a_preset_has_four_motors_where_the_vendor_has_them(preset: str, drive: str) -> None:
     chassis = {"preset": preset} | ({"wheel_base_m": 0.17} if preset == "mecanum" else {})
-    robot = as_configured(Config.of({"chassis": chassis}))
+    robot = as_configured(Config.model_validate({"chassis": chassis}))
     check(robot)
     assert robot.drive == drive
     named = {(wire.name, wire.position) for wire in robot.motors}
@@ -26,7 +26,7 @@ def test_a_preset_has_four_motors_where_the_vendor_has_them(preset: str, drive: 
 
 
 def test_motors_profile_and_track_are_those_of_the_configuration() -> None:
-    config = Config.of(
+    config = Config.model_validate(
         {
             "board": {"profile": "310"},
             "serial": {"dialect": "polled"},
@@ -58,7 +58,7 @@ def test_a_car_that_steers_has_its_rear_wheels_and_its_boards_type() -> None:
         "board": {"profile": "r2"},
         "chassis": {"preset": "ackermann", "wheel_base_m": 0.235, "wheel_separation_m": 0.191},
     }
-    robot = as_configured(Config.of(sections))
+    robot = as_configured(Config.model_validate(sections))
     assert [(wire.corner, wire.position) for wire in robot.motors] == [("left", 2), ("right", 4)]
     assert (robot.drive, robot.flash.car_type) == ("ackermann", 5)  # type: ignore[union-attr]
     assert robot.ticks_per_revolution == 836

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -89,7 +88,7 @@ def test_a_mecanum_base_has_three_multipliers_and_others_two(tmp_path: Path) -> 
         )
         for name, factor in (("chassis", 0.87), ("before", 1.0))
     }
-    write_calibration(path, replace(made, **both))
+    write_calibration(path, made.model_copy(update=both))
     found = loaded(tmp_path, *base)
     assert found.config.chassis.sideways_multiplier == 0.87
     assert "calibration.toml" in found.origins["chassis", "sideways_multiplier"].words

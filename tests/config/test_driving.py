@@ -23,7 +23,7 @@ def test_what_is_missing_in_a_table_is_unlimited():
 @pytest.mark.parametrize("value", [0.0, -1.0, float("inf"), float("nan"), True, "1"])
 def test_a_limit_is_a_finite_number_above_zero(value):
     with pytest.raises(ValidationError):
-        AxisLimits.of({"jerk": value})
+        AxisLimits.model_validate({"jerk": value})
 
 
 def test_teleoperation_wins_over_navigation_by_default():
@@ -35,7 +35,7 @@ def test_teleoperation_wins_over_navigation_by_default():
 @pytest.mark.parametrize("name", ["yahboomd/estop", "/cmd_vel", "cmd_vel/*", ""])
 def test_a_source_needs_a_key_of_its_own(name):
     with pytest.raises(ValidationError):
-        Command.of({"sources": {name: {}}})
+        Command.model_validate({"sources": {name: {}}})
 
 
 def test_a_stall_stops_and_a_hand_on_a_wheel_is_reported():
@@ -43,6 +43,6 @@ def test_a_stall_stops_and_a_hand_on_a_wheel_is_reported():
 
 
 def test_the_latch_file_is_an_absolute_path():
-    assert Estop.of({"latch_file": "/run/estop"}).latch_file == "/run/estop"
+    assert Estop.model_validate({"latch_file": "/run/estop"}).latch_file == "/run/estop"
     with pytest.raises(ValidationError):
-        Estop.of({"latch_file": "estop"})
+        Estop.model_validate({"latch_file": "estop"})

@@ -13,7 +13,7 @@ from yahboomd.core.protocol.profiles import PROFILES
 
 
 def config(**sections) -> Config:
-    return Config.of(sections)
+    return Config.model_validate(sections)
 
 
 def test_the_default_motors_are_those_of_the_520_kit():

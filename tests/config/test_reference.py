@@ -2,13 +2,13 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator
-from dataclasses import fields, is_dataclass
 from pathlib import Path
 from types import CodeType
 
 import pytest
 
 from yahboomd.core.config import Config, read
+from yahboomd.core.config.values import Section
 from yahboomd.tools.schemas.reference import as_toml, default_toml, markdown, summary
 
 ROOT = Path(__file__).parents[2]
@@ -64,9 +64,8 @@ SECTIONS = ("hardware.py", "driving.py", "outputs.py", "rules.py")
 
 def names(section: object) -> Iterator[str]:
     """Every key below a section."""
-    for field in fields(section):
-        value = getattr(section, field.name)
-        yield from names(value) if is_dataclass(value) else [field.name]
+    for name, value in vars(section).items():
+        yield from names(value) if isinstance(value, Section) else [name]
 
 
 def attributes(code: CodeType) -> Iterator[str]:
@@ -136,7 +135,7 @@ def test_the_summary_names_motors_that_are_mounted_the_other_way_round(given):
 @pytest.mark.parametrize("sections", [{}, UNUSUAL])
 @pytest.mark.parametrize("with_origins", [False, True])
 def test_what_is_shown_reads_back_as_the_same_configuration(write, sections, with_origins):
-    config = Config.of(sections)
+    config = Config.model_validate(sections)
     text = as_toml(config, origins={} if with_origins else None, header="with a header\n\nof two")
     assert read(write(text), environ={}).config == config
 
@@ -147,10 +146,10 @@ def test_every_key_stands_in_the_file_with_its_description_above():
     words = " ".join(flat)
     for name, section in vars(Config()).items():
         assert f"[{name}]" in text
-        for key in fields(section):
-            assert " ".join(key.metadata["description"].split()) in words, key
+        for key, about in type(section).model_fields.items():
+            assert " ".join((about.description or "").split()) in words, key
             assert any(
-                line.removeprefix("# ").startswith((f"{key.name} = ", f"[{name}.{key.name}"))
+                line.removeprefix("# ").startswith((f"{key} = ", f"[{name}.{key}"))
                 for line in text.split("\n")
             ), key
 

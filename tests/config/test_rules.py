@@ -15,12 +15,12 @@ MECANUM = {
 
 
 def found(**sections) -> dict[str, str]:
-    given = findings(Config.of(sections))
+    given = findings(Config.model_validate(sections))
     return {dotted(finding.place): finding.words for finding in given if not finding.is_warning}
 
 
 def warned(**sections) -> dict[str, str]:
-    given = findings(Config.of(sections))
+    given = findings(Config.model_validate(sections))
     return {dotted(finding.place): finding.words for finding in given if finding.is_warning}
 
 
@@ -34,7 +34,7 @@ def test_every_rule_says_what_it_is_about():
 
 @pytest.mark.parametrize("preset", ["2wd", "4wd"])
 def test_presets_need_nothing_else(preset):
-    assert findings(Config.of({"chassis": {"preset": preset}})) == []
+    assert findings(Config.model_validate({"chassis": {"preset": preset}})) == []
 
 
 def test_a_preset_contradicts_other_kinematics_wheels_and_positions():

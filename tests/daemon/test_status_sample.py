@@ -30,7 +30,7 @@ class Bus:
         return {"puts": 3, "put_errors": 0}
 
 
-OFF = Config.of({"blackbox": {"enabled": False}})
+OFF = Config.model_validate({"blackbox": {"enabled": False}})
 
 
 def status(bench: RobotBench) -> Status:

@@ -76,7 +76,7 @@ async def test_setup_writes_its_counts_and_leaves_it_an_x3() -> None:
     person.looks = True
     person.others["Write 1040 counts"] = "y"
     found = await set_up(bench, DESCRIBED, person=person)
-    config = Config.of(tomllib.loads(as_toml(found.description, found.wiring)))
+    config = Config.model_validate(tomllib.loads(as_toml(found.description, found.wiring)))
     assert (config.profile().name, config.ticks_per_revolution()) == ("x3", 1040.0)
     assert car_type(bench) == 1
 

@@ -84,7 +84,7 @@ def run(*command: object, **more) -> subprocess.CompletedProcess[str]:
 @pytest.fixture
 def model(request, tmp_path) -> Path:
     path = tmp_path / "robot.urdf"
-    path.write_text(urdf(Config.of(MODELS[request.param])))
+    path.write_text(urdf(Config.model_validate(MODELS[request.param])))
     return path
 
 
@@ -299,7 +299,7 @@ def test_the_model_is_the_configurations(launch) -> None:
     text = SLOW + 'ros2.frame_prefix = "bot1/"\n'
     (node,) = nodes_of(launch("robot", text, 1, "way:=none")).values()
     assert node["parameters"]["robot_description"] == urdf(
-        Config.of({"zenoh": {"namespace": "bot1"}})
+        Config.model_validate({"zenoh": {"namespace": "bot1"}})
     )
     assert node["parameters"]["frame_prefix"] == "bot1/"
     assert node["topics"]["/tf"] == "/bot1/tf"

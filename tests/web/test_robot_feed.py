@@ -122,7 +122,7 @@ async def test_the_driver_of_the_robot_and_its_state_come_from_the_status(
 
 
 def in_effect(**chassis: object) -> dict[str, Any]:
-    config = Config.of({"chassis": chassis, "limits": {"linear": {"velocity": 0.5}}})
+    config = Config.model_validate({"chassis": chassis, "limits": {"linear": {"velocity": 0.5}}})
     return config.resolved().as_data()
 
 

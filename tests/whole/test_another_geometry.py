@@ -123,12 +123,12 @@ def toml() -> str:
 
 
 def test_setup_writes_it_and_lists_its_wheels_for_the_person() -> None:
-    config = Config.of(tomllib.loads(toml()))
+    config = Config.model_validate(tomllib.loads(toml()))
     assert config.kinematics() == omni3(separation_m=0.17)
     assert [name for name in PLACES if name in picture(omni3(separation_m=0.17))] == [*PLACES]
 
 
 def test_page_and_moves_drive_it_sideways() -> None:
-    config = Config.of(tomllib.loads(toml())).resolved().as_data()
+    config = Config.model_validate(tomllib.loads(toml())).resolved().as_data()
     assert limits_of(config)["vy"] == limits_of(config)["vx"]
     assert base_of(config).holonomic

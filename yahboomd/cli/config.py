@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
-from dataclasses import asdict
 
 from yahboomd.cli.shared_options import add_config_options, read_config
 from yahboomd.tools.ros_files.node_parameters import PARAMETERS
@@ -104,7 +102,7 @@ def run(args: argparse.Namespace) -> int:
         case "show":
             loaded = read_config(args)
             if args.json:
-                print(json.dumps(asdict(loaded.config.resolved()), indent=2, ensure_ascii=False))
+                print(loaded.config.resolved().model_dump_json(indent=2))
                 return 0
             origins = loaded.origins if args.origin else None
             print(reference.as_toml(loaded.config, origins=origins), end="")

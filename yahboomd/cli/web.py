@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
     from yahboomd.core.bus.options import BusOptions
     from yahboomd.core.clock import Clock
-    from yahboomd.core.config import Config
     from yahboomd.tools.metrics.http_listener import Place
     from yahboomd.web.page_hub import PageHub
     from yahboomd.web.page_tools import RobotList, ToolSettings
@@ -161,7 +160,6 @@ def run(args: argparse.Namespace) -> int:
 
     place = _place(args.listen or DEFAULT_PLACE)
     loaded = read_config_apart(args)
-    source = source_of(args, loaded.config, PAGE_SOURCE)
     if loaded.path is not None and loaded.path.parent == SERVICES:
         # Tools that pages use work in the directory of the robot's service, not of the page's.
         os.environ.pop("STATE_DIRECTORY", None)
@@ -170,13 +168,13 @@ def run(args: argparse.Namespace) -> int:
         names=args.host_name,
         context=_context(args, place, folder),
         folder=folder,
-        options=daemon_options(args, loaded.config),
-        source=source,
+        options=loaded.options,
+        source=loaded.source,
         tools=ToolSettings(
             robot=robot_arguments(args),
             recordings=folder / "recordings",
             load=lambda: read_config(args),
-            camera=loaded.config.web.camera,
+            camera=loaded.camera,
             fleet=_fleet(args.fleet) if args.fleet else None,
         ),
     )
@@ -192,14 +190,16 @@ def _fleet(papers: Path) -> RobotList:
 
 
 class ReadApart(NamedTuple):
-    """A configuration, and the file that it was read from, if any."""
+    """What the page needs of a configuration, and the file that it was read from, if any."""
 
-    config: Config
+    options: BusOptions
+    source: str
+    camera: str
     path: Path | None
 
 
 def read_config_apart(args: argparse.Namespace) -> ReadApart:
-    """Read the configuration in a process that ends: its checks need 9 MB, which end with it.
+    """Read the configuration in a process that ends: pydantic needs 9 MB, which end with it.
 
     Call it before there are threads, which do not survive in the other process.
 
@@ -233,9 +233,11 @@ def read_config_apart(args: argparse.Namespace) -> ReadApart:
 def _read(args: argparse.Namespace) -> ReadApart | tuple[str, str]:
     try:
         loaded = read_config(args)
+        options = daemon_options(args, loaded.config)
+        source = source_of(args, loaded.config, PAGE_SOURCE)
     except ConfigError as error:
         return error.message, error.remedy
-    return ReadApart(loaded.config, loaded.path)
+    return ReadApart(options, source, loaded.config.web.camera, loaded.path)
 
 
 def state_folder(environ: Mapping[str, str], user_id: int) -> Path:

@@ -11,17 +11,19 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from yahboomd.client import AsyncRobot
 from yahboomd.core.clock import Clock
-from yahboomd.core.config import Loaded
 from yahboomd.core.errors import YahboomdError
 from yahboomd.tools.calibrate.calibration import calibrate, ended, undo
 from yahboomd.tools.calibrate.choices import CALIBRATIONS, Choices, fields_of, read_choices
 from yahboomd.tools.calibrate.dialogue import Dialogue, Message
 from yahboomd.tools.calibrate.hold import HeldButton
 from yahboomd.web.page_session import part
+
+if TYPE_CHECKING:
+    from yahboomd.core.config import Loaded
 
 log = logging.getLogger("yahboomd.web")
 

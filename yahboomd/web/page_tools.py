@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import msgspec
 
 from yahboomd.client import AsyncRobot
 from yahboomd.core.bus.options import BusOptions
 from yahboomd.core.clock import Clock
-from yahboomd.core.config import Loaded
 from yahboomd.web.page_boxes import PageBoxes
 from yahboomd.web.page_calibration import PageCalibration
 from yahboomd.web.page_recordings import PageRecordings
 from yahboomd.web.page_session import Tool
+
+if TYPE_CHECKING:
+    from yahboomd.core.config import Loaded
 
 CALIBRATION = "yahboomd calibrate"
 """Who commands during a calibration, for people."""

@@ -243,7 +243,7 @@ def test_no_version_changes_the_files_name_or_format(
     tmp_path: Path, namespace: str, port: str, name: str
 ) -> None:
     """One that did would start a stopped robot released, after an update or on the way back."""
-    config = Config.of({"zenoh": {"namespace": namespace}, "serial": {"port": port}})
+    config = Config.model_validate({"zenoh": {"namespace": namespace}, "serial": {"port": port}})
     path = config.latch_path({"RUNTIME_DIRECTORY": str(tmp_path)}, user_id=0)
     assert path == tmp_path / name
     LatchFile(path).engage("a person")

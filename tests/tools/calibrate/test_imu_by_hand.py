@@ -110,7 +110,7 @@ class Bench:
 async def test_a_sensor_that_is_mounted_as_configured_is_right_and_its_scale_is_found(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    config = Config.of({"imu": {"axes": "x y z"}})
+    config = Config.model_validate({"imu": {"axes": "x y z"}})
     found = await Bench(config, axes="x y z", turns=3.0).run()
     assert (found.axes, found.gyro_axes) == ("x y z", "")
     assert found.gyro_scale == pytest.approx(1.0, abs=5e-3)
@@ -124,13 +124,13 @@ async def test_a_sensor_that_is_mounted_as_configured_is_right_and_its_scale_is_
 async def test_one_on_its_back_is_found_and_what_is_printed_makes_it_right(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    config = Config.of({"imu": {"axes": "x y z"}})
+    config = Config.model_validate({"imu": {"axes": "x y z"}})
     found = await Bench(config, axes="x -y -z", turns=3.0).run()
     assert found.axes.split()[2] == "-z"
     show_mounted(found, config, Answers())
     out, err = capsys.readouterr()
     assert "wrong" in err
-    given = Config.of({"imu": {"axes": found.axes, "gyro_axes": found.gyro_axes}})
+    given = Config.model_validate({"imu": {"axes": found.axes, "gyro_axes": found.gyro_axes}})
     again = await Bench(given, axes="x -y -z", turns=3.0).run()
     show_mounted(again, given, Answers())
     assert "right" in capsys.readouterr().err
@@ -180,7 +180,9 @@ async def test_without_axes_those_of_the_daemons_sensor_are_checked(
 @on_virtual_time
 async def test_other_turns_than_asked_for_are_refused() -> None:
     with pytest.raises(Refused, match=r"[12]\.\d+ turns, and 3 were asked for"):
-        await Bench(Config.of({"imu": {"axes": "x y z"}}), axes="x y z", turns=2.0).run()
+        await Bench(
+            Config.model_validate({"imu": {"axes": "x y z"}}), axes="x y z", turns=2.0
+        ).run()
 
 
 @on_virtual_time

@@ -69,7 +69,7 @@ def test_a_size_that_is_another_gear_names_the_profile_that_fits(tmp_path: Path,
     path = tmp_path / "calibration.toml"
     with pytest.raises(Refused, match=r"0\.536 is 30/56: .* board\.profile = \"520-1:56\""):
         concluded(geared, Config(), path, dry_run=False, person=Answers())
-    own = Config.of({"chassis": {"ticks_per_revolution": 1320.0}})
+    own = Config.model_validate({"chassis": {"ticks_per_revolution": 1320.0}})
     with pytest.raises(Refused, match="radius would be") as refused:
         concluded(geared, own, path, dry_run=False, person=Answers())
     assert "30/56" not in str(refused.value)
@@ -79,7 +79,7 @@ def test_a_size_that_is_another_gear_names_the_profile_that_fits(tmp_path: Path,
 
 def test_an_x3_that_counts_1040_is_not_called_a_sunrise(tmp_path: Path, capsys) -> None:
     geared = Fit(factors=Factors(1.27), std=GOOD.std, chi_squared=1.2, errors=GOOD.errors)
-    x3 = Config.of({"board": {"profile": "x3"}})
+    x3 = Config.model_validate({"board": {"profile": "x3"}})
     with pytest.raises(Refused, match=r"ticks_per_revolution = 1040, and leave") as refused:
         concluded(geared, x3, tmp_path / "c.toml", dry_run=False, person=Answers())
     assert "sunrise" not in str(refused.value)

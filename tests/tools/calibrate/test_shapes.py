@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -29,7 +28,8 @@ def config(preset: str):
 def test_a_side_is_the_mean_of_its_motors_without_any_calibration(preset: str) -> None:
     made = config(preset)
     multipliers = {made.kinematics().wheels[0]: 1.2}
-    calibrated = replace(made, chassis=replace(made.chassis, wheel_radius_multiplier=multipliers))
+    chassis = made.chassis.model_copy(update={"wheel_radius_multiplier": multipliers})
+    calibrated = made.model_copy(update={"chassis": chassis})
     motors = calibrated.motors()
     wheels = calibrated.kinematics().wheels
     per_turn = made.ticks_per_revolution()

@@ -26,7 +26,7 @@ CAR = {"preset": "ackermann", "wheel_base_m": 0.2, "steering_max_rad": 0.5}
 
 
 def config(**sections) -> Config:
-    return Config.of(sections)
+    return Config.model_validate(sections)
 
 
 def leaves(tree, path: str = "") -> Iterator[tuple[str, object]]:

@@ -11,7 +11,7 @@ FOUR = {"preset": "4wd", "wheel_base_m": 0.2, "wheel_radius_m": 0.04}
 
 
 def model(**sections) -> ElementTree.Element:
-    return ElementTree.fromstring(urdf(Config.of(sections)))
+    return ElementTree.fromstring(urdf(Config.model_validate(sections)))
 
 
 def numbers(text: str) -> tuple[float, ...]:
@@ -73,7 +73,7 @@ def test_it_is_a_tree_each_link_once(root) -> None:
 
 
 def test_the_circle_of_the_wheels_holds_their_corners() -> None:
-    config = Config.of({"chassis": {**FOUR, "wheel_separation_m": 0.3}})
+    config = Config.model_validate({"chassis": {**FOUR, "wheel_separation_m": 0.3}})
     # 0.1 to the axle and 0.04 to the rim; 0.15 to the wheel's middle and 0.016 to its side.
     assert outer_radius_m(config) == pytest.approx((0.14**2 + 0.166**2) ** 0.5)
 
@@ -91,7 +91,7 @@ def test_a_cars_origin_is_its_rear_axle_and_the_wheels_that_steer_are_fixed_in_f
     assert placed(fixed["front_right_wheel_joint"]) == (0.2, -0.075, 0.03)
     body = next(robot.iter("visual"))
     assert numbers(body.find("origin").get("xyz"))[0] == pytest.approx(0.1)
-    assert outer_radius_m(Config.of({"chassis": chassis})) == pytest.approx(
+    assert outer_radius_m(Config.model_validate({"chassis": chassis})) == pytest.approx(
         (0.23**2 + 0.087**2) ** 0.5
     )
 

@@ -94,7 +94,7 @@ async def test_an_x3_whose_wheels_count_1040_stays_an_x3(agrees: str) -> None:
     assert bench.robot.board.flash == stored  # type: ignore[attr-defined]
     assert not any("sunrise" in question for question in person.questions)
     text = written(found)
-    config = Config.of(tomllib.loads(text))
+    config = Config.model_validate(tomllib.loads(text))
     assert config.ticks_per_revolution() == (1040.0 if agrees == "y" else 1320.0)
     assert ("ticks_per_revolution = 1040" in text.replace("\n# ", " ")) is True
 

@@ -287,7 +287,7 @@ async def test_no_wheel_turns_unless_the_person_says_that_they_are_off_the_groun
 async def test_an_engaged_emergency_stop_is_refused_before_and_between_pulses(
     tmp_path: Path,
 ) -> None:
-    config = Config.of({"estop": {"latch_file": str(tmp_path / "own" / "latch")}})
+    config = Config.model_validate({"estop": {"latch_file": str(tmp_path / "own" / "latch")}})
     latch = LatchFile(tmp_path / "own" / "latch")
     latch.engage("a person")
     bench = LinkBench(drive="skid_steer", wiring=FOUR_WHEELS)

@@ -89,11 +89,11 @@ def test_the_search_of_an_only_port_imports_nothing_that_delays_a_stop() -> None
 
 def test_a_named_port_is_taken_without_a_look_at_others(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(discovery, "candidates", lambda: pytest.fail("it looked"))
-    assert find_port(Config.of({"serial": {"port": "/dev/ttyX"}})) == "/dev/ttyX"
+    assert find_port(Config.model_validate({"serial": {"port": "/dev/ttyX"}})) == "/dev/ttyX"
 
 
 def test_a_port_is_opened_as_the_configuration_has_it() -> None:
-    config = Config.of({"serial": {"dtr": False, "rts": True, "hangup_on_close": True}})
+    config = Config.model_validate({"serial": {"dtr": False, "rts": True, "hangup_on_close": True}})
     options = port_options("/dev/ttyX", config)
     assert (options.path, options.dtr, options.rts) == ("/dev/ttyX", False, True)
     assert (options.hangup_on_close, options.baudrate) == (True, 115200)

@@ -142,7 +142,7 @@ async def test_a_release_is_passed_on_and_so_is_its_refusal(robot) -> None:
 async def test_a_release_with_a_persons_file_is_by_the_key_of_that_name(robot, tmp_path) -> None:
     papers = tmp_path / "anna.json5"
     papers.write_text('{"metadata": {"yahboomd_fleet": {"person": "anna"}}}')
-    config = Config.of({"zenoh": {"config": str(papers)}})
+    config = Config.model_validate({"zenoh": {"config": str(papers)}})
     own = keys.own_key(keys.ESTOP_RESET, "anna")
     daemon = robot([])
     words = await asyncio.to_thread(release, (robot.endpoint,), config)
@@ -157,7 +157,7 @@ async def test_a_release_with_a_persons_file_is_by_the_key_of_that_name(robot, t
 async def test_a_stop_with_a_persons_file_is_by_the_key_of_that_name_too(robot, tmp_path) -> None:
     papers = tmp_path / "anna.json5"
     papers.write_text('{"metadata": {"yahboomd_fleet": {"person": "anna"}}}')
-    config = Config.of({"zenoh": {"config": str(papers)}})
+    config = Config.model_validate({"zenoh": {"config": str(papers)}})
     own = keys.own_key(keys.ESTOP, "anna")
     daemon = robot([0.0])
     done = await engage((robot.endpoint,), config, within_s=60.0)
@@ -173,7 +173,7 @@ async def test_a_stop_with_a_persons_file_is_by_the_key_of_that_name_too(robot, 
 
 async def test_another_robots_daemon_is_left_alone(robot) -> None:
     daemon = robot([0.0])
-    other = Config.of({"zenoh": {"namespace": "bot2"}})
+    other = Config.model_validate({"zenoh": {"namespace": "bot2"}})
     assert await engage((robot.endpoint,), other) is None
     assert daemon.engaged == 0
     with pytest.raises(BusError, match="No daemon answers"):

@@ -10,16 +10,18 @@ import tomllib
 from pathlib import Path
 from typing import Annotated, TypeAlias
 
+from pydantic import Field, ValidationError
+
 from yahboomd.core.config.models import Config
 from yahboomd.core.config.reading import read_named
-from yahboomd.core.config.values import Bounds, Section, inline
+from yahboomd.core.config.values import Section, inline
 from yahboomd.core.errors import ConfigError
 
 LARGEST_BYTES = 100_000
 
-Multiplier: TypeAlias = Annotated[float, Bounds({"ge": 0.1, "le": 10.0})]
+Multiplier: TypeAlias = Annotated[float, Field(ge=0.1, le=10.0)]
 
-Speed: TypeAlias = Annotated[float, Bounds({"ge": 0.0, "le": 6.0})]
+Speed: TypeAlias = Annotated[float, Field(ge=0.0, le=6.0)]
 
 
 class Geometry(Section):
@@ -82,11 +84,9 @@ def read_calibration(path: Path) -> Calibration:
     Raises:
         ConfigError: It cannot be used; the message has the reason.
     """
-    from pydantic import ValidationError
-
     try:
         raw = read_named(path, LARGEST_BYTES, wait_s=0.0)
-        return Calibration.of(tomllib.loads(raw.decode()))
+        return Calibration.model_validate(tomllib.loads(raw.decode()))
     except OSError as error:
         raise ConfigError(f"{path} cannot be read: {error.strerror}.") from error
     except ValidationError as error:

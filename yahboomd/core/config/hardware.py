@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
 from typing import Annotated, TypeAlias
 
+from pydantic import Field
+
 from yahboomd.core.config.values import (
     AnyPath,
-    Bounds,
     Checked,
     Choice,
     Frame,
@@ -16,7 +16,6 @@ from yahboomd.core.config.values import (
     Positive,
     Section,
     Sign,
-    key,
 )
 from yahboomd.core.drive.kinematics import KINEMATICS
 from yahboomd.core.odometry.imu_axes import Mounting, axes_problem
@@ -30,33 +29,33 @@ CUSTOM = "custom"
 class Serial(Section):
     """The serial port of the board."""
 
-    port: AnyPath = key(
+    port: AnyPath = Field(
         default="",
         description="Device of the board, such as /dev/ttyUSB0. Empty: the only CH340 (1a86:7523, "
         "1a86:7522) on USB, or /dev/yahboom_driver; of several the one that is heard, else the "
         "one that answers, 1a86:7523 asked first; two boards are refused. Not a pseudo-terminal "
         "of a relay (socat, ser2net): if it sends slowly, stops come seconds late.",
     )
-    baudrate: int = key(
+    baudrate: int = Field(
         default=115200,
         ge=1200,
         le=4_000_000,
         description="Bits per second; the board's firmware supports only 115200.",
     )
-    dialect: Annotated[str, Choice(("auto",), DIALECTS)] = key(
+    dialect: Annotated[str, Choice(("auto",), DIALECTS)] = Field(
         default="auto",
         description="The board's protocol. auto detects it, after stopping the wheels.",
     )
-    dtr: bool = key(
+    dtr: bool = Field(
         default=True,
         description="Level of DTR, set before the port opens; the board wires it to its reset.",
     )
-    rts: bool = key(
+    rts: bool = Field(
         default=False,
         description="Level of RTS, set before the port opens; asserted at a reset, it leaves the "
         "board silent.",
     )
-    hangup_on_close: bool = key(
+    hangup_on_close: bool = Field(
         default=False,
         description="Whether closing the port drops DTR (HUPCL), which may reset the board, and "
         "its counters with it.",
@@ -68,9 +67,12 @@ LOW_CHARGE = 0.1
 
 BatteryPoint: TypeAlias = Annotated[
     tuple[float, float],
-    Bounds(
-        {"strict": False},
-        {"$comment": "a pair [volts, charge from 0 to 1]", "items": {"type": "number"}},
+    Field(
+        strict=False,
+        json_schema_extra={
+            "$comment": "a pair [volts, charge from 0 to 1]",
+            "items": {"type": "number"},
+        },
     ),
 ]
 
@@ -104,27 +106,27 @@ def _profile_problem(profile: str) -> str | None:
 class Board(Section):
     """The motors that the board is set up for."""
 
-    profile: Annotated[str, Checked("", _profile_problem), Choice((*PROFILES, CUSTOM))] = key(
+    profile: Annotated[str, Checked("", _profile_problem), Choice((*PROFILES, CUSTOM))] = Field(
         default="520",
         description="The motors: encoder lines, gear ratio and wheel of the vendor's kits. tt is "
         "the TT motor with encoder; without one there is no odometry. x1, x3, x3-plus, "
         "r2 (and R2L), sunrise and m1 are the Rosmaster cars, with the car type that their board "
         "stores. custom takes the figures from the keys below.",
     )
-    write_settings: bool = key(
+    write_settings: bool = Field(
         default=False,
         description="Whether connecting writes settings that differ from the profile to the "
         "board's flash, while the wheels are at rest, but for its motor or car type. If false, "
         "nothing is written. A different type, or a zero, refuses motion and names `yahboomd probe "
         "--write`.",
     )
-    battery_period_s: float = key(
+    battery_period_s: float = Field(
         default=5.0,
         ge=0.0,
         le=3600.0,
         description="Seconds between requests for the battery's voltage; 0: never.",
     )
-    battery_scale: float = key(
+    battery_scale: float = Field(
         default=1.0,
         ge=0.8,
         le=1.25,
@@ -133,14 +135,14 @@ class Board(Section):
         "page and limits take the corrected volts; a Rosmaster board's own alarm, and what is said "
         "of it, the board's.",
     )
-    battery_curve: Annotated[tuple[BatteryPoint, ...], Checked("", _curve_problem)] = key(
+    battery_curve: Annotated[tuple[BatteryPoint, ...], Checked("", _curve_problem)] = Field(
         default=(),
         strict=False,
         description="Charge of the battery by its voltage, rising, for the percentage in ROS 2; "
         "straight lines join the points. Empty: the percentage is unknown. Three lithium-ion cells "
         "in series: [[9.6, 0.0], [10.5, 0.1], [11.1, 0.4], [11.7, 0.7], [12.6, 1.0]].",
     )
-    battery_low_v: float | None = key(
+    battery_low_v: float | None = Field(
         default=None,
         ge=0.0,
         le=100.0,
@@ -149,7 +151,7 @@ class Board(Section):
         "status and page warn. Absent: where battery_curve gives 10 %, and never without a curve, "
         "because a motor profile does not know its battery; 0: never.",
     )
-    battery_stop_v: float | None = key(
+    battery_stop_v: float | None = Field(
         default=None,
         gt=0.0,
         le=100.0,
@@ -158,7 +160,7 @@ class Board(Section):
         "ended; programs begin none until it is charged, and a person at the keyboard or the page "
         "drives at 0.1 m/s. Absent: never.",
     )
-    motor_type: int | None = key(
+    motor_type: int | None = Field(
         default=None,
         ge=1,
         le=4,
@@ -166,7 +168,7 @@ class Board(Section):
         description="For profile custom: the board's motor type, 1 = 520, 2 = 310, 3 = TT with "
         "encoder. Absent: 1.",
     )
-    deadzone: int | None = key(
+    deadzone: int | None = Field(
         default=None,
         ge=0,
         le=3600,
@@ -174,7 +176,7 @@ class Board(Section):
         description="For profile custom: PWM units below which the motor does not turn. "
         "Absent: the value that the board stores.",
     )
-    lines: int | None = key(
+    lines: int | None = Field(
         default=None,
         ge=1,
         le=10_000,
@@ -182,7 +184,7 @@ class Board(Section):
         description="For profile custom: encoder lines in one turn of the motor's own shaft. "
         "Absent: 11.",
     )
-    ratio: float | None = key(
+    ratio: float | None = Field(
         default=None,
         ge=1.0,
         le=1000.0,
@@ -190,7 +192,7 @@ class Board(Section):
         description="For profile custom: turns of the motor in one turn of the wheel. The board "
         "keeps its whole part. Absent: from chassis.ticks_per_revolution.",
     )
-    wheel_diameter_mm: float | None = key(
+    wheel_diameter_mm: float | None = Field(
         default=None,
         ge=1.0,
         le=1000.0,
@@ -224,18 +226,18 @@ class Imu(Section):
     Published samples lie along the axes of the base: forward, left, up.
     """
 
-    axes: Annotated[str, Checked("", _axes_problem)] = key(
+    axes: Annotated[str, Checked("", _axes_problem)] = Field(
         default="",
         description="The sensor's axes that point forward, left and up, such as x -y -z. Empty: "
         "x y z for an MPU9250, x -y -z for an ICM20948, as owners' boards show gravity. The sign "
         "of an ICM20948's gyro is not known for sure: `yahboomd calibrate imu` finds it.",
     )
-    gyro_axes: Annotated[str, Checked("", _gyro_axes_problem)] = key(
+    gyro_axes: Annotated[str, Checked("", _gyro_axes_problem)] = Field(
         default="",
         description="The same for the gyro, if the board gives it other signs. Empty: as axes. "
         "A positive turn is counter-clockwise, seen from above.",
     )
-    gyro_scale: float | None = key(
+    gyro_scale: float | None = Field(
         default=None,
         ge=0.5,
         le=2.0,
@@ -243,7 +245,7 @@ class Imu(Section):
         description="The true turn per turn that the gyro shows; calibrated to 0.1 %. "
         "Absent: 1, with the datasheet's tolerance, and used once a clear turn showed the sign.",
     )
-    frame_id: Frame = key(
+    frame_id: Frame = Field(
         default="imu_link", description="Frame of the samples; its axes are those of the base."
     )
 
@@ -254,16 +256,16 @@ class Imu(Section):
 class MotorEntry(Section):
     """One motor of a wheel."""
 
-    position: int = key(
+    position: int = Field(
         ge=1, le=4, description="Its connector on the board, M1 to M4 (the article's A to D)."
     )
-    command_sign: Sign = key(
+    command_sign: Sign = Field(
         default=1, description="-1 if a positive command turns the wheel backward."
     )
-    encoder_sign: Sign = key(
+    encoder_sign: Sign = Field(
         default=1, description="-1 if the counts fall while the wheel rolls forward."
     )
-    name: MotorName | None = key(
+    name: MotorName | None = Field(
         default=None,
         description="Its name in messages. Absent: the wheel's name, numbered if the wheel "
         "has several motors.",
@@ -271,7 +273,7 @@ class MotorEntry(Section):
 
 
 MotorEntries: TypeAlias = Annotated[
-    tuple[MotorEntry, ...], Bounds({"min_length": 1, "max_length": 4, "strict": False})
+    tuple[MotorEntry, ...], Field(min_length=1, max_length=4, strict=False)
 ]
 
 
@@ -288,25 +290,25 @@ class Chassis(Section):
     `motors.right = [{ position = 4, command_sign = -1, encoder_sign = -1 }]`.
     """
 
-    preset: Annotated[str, Choice(("", *PRESET_NAMES))] = key(
+    preset: Annotated[str, Choice(("", *PRESET_NAMES))] = Field(
         default="",
         description="Sets kinematics and motors in one word. "
         "2wd: the article's, left on M1, right on M3. 4wd: the vendor's, skid steer, M1 left "
         "front, M2 left rear, M3 right front, M4 right rear. mecanum: the same places. ackermann: "
         "a car that steers, rear wheels left on M2, right on M4.",
     )
-    kinematics: Annotated[str, Choice((), KINEMATICS)] = key(
+    kinematics: Annotated[str, Choice((), KINEMATICS)] = Field(
         default="differential",
         description="How the base moves. skid_steer: several motors on each side. ackermann: a car "
         "that steers, driven by its rear wheels.",
     )
-    wheel_separation_m: float = key(
+    wheel_separation_m: float = Field(
         default=0.150,
         gt=0.0,
         le=5.0,
         description="Metres from the left wheels' middle to the right wheels'.",
     )
-    wheel_base_m: float | None = key(
+    wheel_base_m: float | None = Field(
         default=None,
         gt=0.0,
         le=5.0,
@@ -314,7 +316,7 @@ class Chassis(Section):
         description="Metres from the front axle to the rear one; for mecanum and ackermann, which "
         "need it.",
     )
-    steering_max_rad: float | None = key(
+    steering_max_rad: float | None = Field(
         default=None,
         gt=0.0,
         le=1.4,
@@ -322,7 +324,7 @@ class Chassis(Section):
         description="For ackermann: the largest angle of the steering, in radians. With the wheel "
         "base it gives the tightest curve. Absent: 0.785, 45 degrees.",
     )
-    wheel_radius_m: float | None = key(
+    wheel_radius_m: float | None = Field(
         default=None,
         gt=0.0,
         le=1.0,
@@ -330,58 +332,58 @@ class Chassis(Section):
         description="Metres from the axle to the rim. Absent: the profile's. The article's is "
         "0.0325, the 520 kit's 0.0335.",
     )
-    ticks_per_revolution: float | None = key(
+    ticks_per_revolution: float | None = Field(
         default=None,
         ge=1.0,
         le=1_000_000.0,
         examples=[1320],
         description="Counts in one turn of the wheel. Absent: the profile's, lines x ratio x 4.",
     )
-    command_scale: float = key(
+    command_scale: float = Field(
         default=1.0,
         ge=0.1,
         le=10.0,
         description="The article's SCALE_FACTOR as a multiplier of 1000 units per m/s: above 1 "
         "if the wheels turn slower than commanded.",
     )
-    wheel_radius_multiplier: dict[str, Positive] = key(
+    wheel_radius_multiplier: dict[str, Positive] = Field(
         default={"left": 1.0, "right": 1.0},
         description="Calibration of each wheel's radius, by wheel; one that is missing is 1.",
     )
-    wheel_separation_multiplier: float = key(
+    wheel_separation_multiplier: float = Field(
         default=1.0,
         ge=0.1,
         le=10.0,
         description="Calibration of the track; a skid-steer base acts as if it were 1.3 to 1.9 "
         "times as wide as it is.",
     )
-    sideways_multiplier: float = key(
+    sideways_multiplier: float = Field(
         default=1.0,
         ge=0.1,
         le=10.0,
         description="Calibration of the way to the side of a mecanum base, for each metre that its "
         "wheels count; slip of the rollers makes it 0.8 to 0.95.",
     )
-    break_away_linear_m_s: float = key(
+    break_away_linear_m_s: float = Field(
         default=0.0,
         ge=0.0,
         le=1.0,
         description="The slowest speed at which the base begins to drive on its floor, in m/s, "
         "as `yahboomd calibrate tape` measures it: moves begin and end with it. 0: unknown.",
     )
-    break_away_angular_rad_s: float = key(
+    break_away_angular_rad_s: float = Field(
         default=0.0,
         ge=0.0,
         le=6.0,
         description="The same for turns in place, in rad/s.",
     )
-    calibration_file: AnyPath = key(
+    calibration_file: AnyPath = Field(
         default="",
         description="The file that `yahboomd calibrate` writes and that goes over the "
         "multipliers and the break-away speeds. Empty: calibration.toml in the state directory, "
         "/var/lib/yahboomd for the service.",
     )
-    motors: dict[str, MotorEntries] = key(
+    motors: dict[str, MotorEntries] = Field(
         default={"left": (MotorEntry(position=1),), "right": (MotorEntry(position=3),)},
         description="The motors of each wheel.",
     )
@@ -439,7 +441,7 @@ def preset_motors(chassis: Chassis) -> dict[str, tuple[MotorEntry, ...]]:
         wheel: tuple(
             next(
                 (
-                    entry if entry.name else replace(entry, name=usual.name)
+                    entry if entry.name else entry.model_copy(update={"name": usual.name})
                     for entry in given.get(wheel, ())
                     if entry.position == usual.position
                 ),

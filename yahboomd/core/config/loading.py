@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pydantic import ValidationError
+
 from yahboomd import __version__
 from yahboomd.core.config.layers import NOWHERE, Layers, Origin, plain
 from yahboomd.core.config.models import Config, calibration_path
@@ -163,10 +165,8 @@ def _lines(mistakes: Sequence[tuple[Origin, str]]) -> list[str]:
 
 
 def _validated(data: object) -> tuple[Config, list[ErrorDetails]]:
-    from pydantic import ValidationError
-
     try:
-        return Config.of(data), []
+        return Config.model_validate(data), []
     except ValidationError as invalid:
         return Config(), invalid.errors(include_url=False)
 

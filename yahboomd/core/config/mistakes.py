@@ -37,7 +37,7 @@ def words_for(error: ErrorDetails) -> str:
     place, value = place_of(error), error["input"]
     # This may go into a log, and such a value may be a secret.
     got = "" if place[0] in {"zenoh", "web"} else f", got {shown(value)}"
-    if error["type"] == "unexpected_keyword_argument":
+    if error["type"] == "extra_forbidden":
         return _unknown(place)
     if error["type"] == "text":
         return error["msg"] + got

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 from urllib.parse import quote
+
+from pydantic import Field
 
 from yahboomd.core.config.driving import Command, Estop, Faults, Limits
 from yahboomd.core.config.hardware import (
@@ -20,7 +21,7 @@ from yahboomd.core.config.hardware import (
     preset_motors,
 )
 from yahboomd.core.config.outputs import BlackBox, Log, Odometry, Ros2, Web, Zenoh
-from yahboomd.core.config.values import Section, key
+from yahboomd.core.config.values import Section
 from yahboomd.core.drive import arbitration
 from yahboomd.core.drive.kinematics import KINEMATICS, STEERING_MAX_RAD, unit_geometry
 from yahboomd.core.model import Kinematics, Motor
@@ -41,25 +42,26 @@ USUAL_LINES = 11
 class Config(Section):
     """The configuration of one robot; everything has a default."""
 
-    serial: Serial = key(default=Serial(), description="The serial port.")
-    board: Board = key(default=Board(), description="The board.")
-    chassis: Chassis = key(default=Chassis(), description="The chassis.")
-    imu: Imu = key(default=Imu(), description="The inertial sensor.")
-    limits: Limits = key(default=Limits(), description="The limits.")
-    command: Command = key(default=Command(), description="The commands.")
-    odometry: Odometry = key(default=Odometry(), description="The odometry.")
-    zenoh: Zenoh = key(default=Zenoh(), description="The bus.")
-    ros2: Ros2 = key(default=Ros2(), description="The ROS 2 plane.")
-    faults: Faults = key(default=Faults(), description="The faults.")
-    estop: Estop = key(default=Estop(), description="The emergency stop.")
-    blackbox: BlackBox = key(default=BlackBox(), description="The black box.")
-    web: Web = key(default=Web(), description="The page for the phone.")
-    log: Log = key(default=Log(), description="The log.")
+    serial: Serial = Field(default=Serial(), description="The serial port.")
+    board: Board = Field(default=Board(), description="The board.")
+    chassis: Chassis = Field(default=Chassis(), description="The chassis.")
+    imu: Imu = Field(default=Imu(), description="The inertial sensor.")
+    limits: Limits = Field(default=Limits(), description="The limits.")
+    command: Command = Field(default=Command(), description="The commands.")
+    odometry: Odometry = Field(default=Odometry(), description="The odometry.")
+    zenoh: Zenoh = Field(default=Zenoh(), description="The bus.")
+    ros2: Ros2 = Field(default=Ros2(), description="The ROS 2 plane.")
+    faults: Faults = Field(default=Faults(), description="The faults.")
+    estop: Estop = Field(default=Estop(), description="The emergency stop.")
+    blackbox: BlackBox = Field(default=BlackBox(), description="The black box.")
+    web: Web = Field(default=Web(), description="The page for the phone.")
+    log: Log = Field(default=Log(), description="The log.")
 
     def resolved(self) -> Config:
         """The same with the preset's kinematics and motors written out."""
         kinematics, motors = self.kinematics_name(), self.motor_entries()
-        return replace(self, chassis=replace(self.chassis, kinematics=kinematics, motors=motors))
+        chassis = {"kinematics": kinematics, "motors": motors}
+        return self.model_copy(update={"chassis": self.chassis.model_copy(update=chassis)})
 
     def kinematics_name(self) -> str:
         chassis = self.chassis

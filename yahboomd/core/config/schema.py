@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any, TypeAlias
 
-import msgspec
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 
 from yahboomd.core.config.models import Config
 from yahboomd.core.config.values import Place, inline, number
@@ -32,22 +32,16 @@ _BOUNDS = {
 }
 
 
+class _InOrder(GenerateJsonSchema):
+    """Leaves the keys of defaults in the order of the sections."""
+
+    def sort(self, value: JsonSchemaValue, parent_key: str | None = None) -> JsonSchemaValue:  # noqa: ARG002
+        return value
+
+
 @cache
 def _whole() -> Node:
-    from pydantic import TypeAdapter
-    from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
-
-    class InOrder(GenerateJsonSchema):
-        """Leaves the keys of defaults in the order of the sections."""
-
-        def sort(self, value: JsonSchemaValue, parent_key: str | None = None) -> JsonSchemaValue:  # noqa: ARG002
-            return value
-
-        def encode_default(self, dft: object) -> object:
-            # Older pydantic fails at the default of a section.
-            return msgspec.to_builtins(dft)
-
-    return TypeAdapter(Config).json_schema(schema_generator=InOrder)
+    return Config.model_json_schema(schema_generator=_InOrder)
 
 
 def as_json() -> str:

@@ -1,30 +1,20 @@
 """The types of values in the configuration, and how a key is written in messages.
 
 Each type states the values that it takes; the reference page and ``config.toml`` repeat these
-words. pydantic checks the types, and is imported only to read values: `yahboomd stop` needs none.
+words.
 """
 
 from __future__ import annotations
 
-import inspect
 import json
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import MISSING, dataclass, field
-from functools import cache
-from typing import (
-    TYPE_CHECKING,
-    Annotated,
-    Any,
-    ClassVar,
-    Generic,
-    Self,
-    TypeAlias,
-    TypeVar,
-    dataclass_transform,
-)
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Generic, TypeAlias, TypeVar
 
-import msgspec
+from annotated_types import GroupedMetadata
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic_core import PydanticCustomError, PydanticKnownError
 
 from yahboomd.core.names import (
     PROTOCOLS,
@@ -34,115 +24,24 @@ from yahboomd.core.names import (
     name_problem,
 )
 
-if TYPE_CHECKING:
-    from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, TypeAdapter
-    from pydantic_core import CoreSchema
-
 T = TypeVar("T")
 
 Place: TypeAlias = tuple[str | int, ...]
 """The keys, and indices into lists, that lead to a value."""
 
 
-def key(*, default: Any = MISSING, description: str, **bounds: Any) -> Any:  # noqa: ANN401
-    """A key of a section.
-
-    Args:
-        default: Its value if it is not given; without a default it must be given.
-        description: Its meaning.
-        bounds: The values that it takes, as the arguments of pydantic's ``Field``.
-    """
-    about = {"description": description, **bounds}
-    if not isinstance(default, dict):
-        return field(default=default, metadata=about)
-    shown = {"default": msgspec.to_builtins(default)}
-    return field(default_factory=default.copy, metadata={**about, "json_schema_extra": shown})
-
-
-@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(key,))
-class Section:
+class Section(BaseModel):
     """A table of the configuration: no unknown keys, no guessed types, no NaN, no changes."""
 
-    __pydantic_config__: ClassVar[Mapping[str, object]] = {
-        "extra": "forbid",
-        "strict": True,
-        "allow_inf_nan": False,
-    }
-
-    def __init_subclass__(cls) -> None:
-        dataclass(frozen=True, kw_only=True)(cls)
-
-    @classmethod
-    def of(cls, data: object) -> Self:
-        """The section with these values, checked.
-
-        Raises:
-            ValidationError: pydantic's; it has every mistake.
-        """
-        return cls._checker().validate_python(data)
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
 
     def as_data(self) -> dict[str, Any]:
         """The values, as in a file: a key that is absent is left out."""
-        data: dict[str, Any] = without_none(msgspec.to_builtins(self))
-        return data
-
-    @classmethod
-    @cache
-    def _checker(cls) -> TypeAdapter[Self]:
-        from pydantic import TypeAdapter
-
-        return TypeAdapter(cls)
-
-    @classmethod
-    def __get_pydantic_core_schema__(
-        cls, source: object, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        schema = handler(source)
-        # A file has tables; only their values are strict.
-        handler.resolve_ref_schema(schema)["strict"] = False  # type: ignore[index]
-        return schema
-
-    @classmethod
-    def __get_pydantic_json_schema__(
-        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        node = handler(schema)
-        handler.resolve_ref_schema(node)["description"] = inspect.getdoc(cls)
-        return node
-
-
-def without_none(value: Any) -> Any:  # noqa: ANN401
-    """Tables and lists as in a file: entries that are None are omitted."""
-    if isinstance(value, dict):
-        return {key: without_none(item) for key, item in value.items() if item is not None}
-    return [without_none(item) for item in value] if isinstance(value, list | tuple) else value
-
-
-@dataclass(frozen=True, eq=False)
-class Bounds:
-    """Bounds of a value within a key.
-
-    Attributes:
-        core: Added to the schema by which pydantic checks.
-        shown: Added to the JSON Schema.
-    """
-
-    core: Mapping[str, Any]
-    shown: Mapping[str, Any] = field(default_factory=dict)
-
-    def __get_pydantic_core_schema__(
-        self, source: object, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        return {**handler(source), **self.core}
-
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        return {**handler(schema), **self.shown}
+        return self.model_dump(mode="json", exclude_none=True)
 
 
 @dataclass(frozen=True)
-class Choice:
+class Choice(GroupedMetadata):
     """One of a few names or numbers.
 
     Attributes:
@@ -153,33 +52,23 @@ class Choice:
     names: tuple[str | int, ...]
     registry: Mapping[str, object] = field(default_factory=dict)
 
-    def __get_pydantic_core_schema__(
-        self, source: object, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        from pydantic_core import core_schema
-
+    def __iter__(self) -> Iterator[object]:
         # The type comes first: True equals 1.
-        return core_schema.no_info_after_validator_function(self._check, handler(source))
-
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        return {**handler(schema), "enum": self._known}
+        yield AfterValidator(self._check)
+        yield Field(json_schema_extra=lambda node: node.update(enum=self._known))
 
     @property
-    def _known(self) -> list[str | int]:
+    def _known(self) -> list[Any]:
         return [*self.names, *self.registry]
 
     def _check(self, given: str | int) -> str | int:
         if given not in self._known:
-            from pydantic_core import PydanticKnownError
-
             raise PydanticKnownError("literal_error", {"expected": str(self._known)})
         return given
 
 
 @dataclass(frozen=True)
-class Checked(Generic[T]):
+class Checked(GroupedMetadata, Generic[T]):
     """A value that passes a check.
 
     Attributes:
@@ -190,41 +79,15 @@ class Checked(Generic[T]):
     takes: str
     problem: Callable[[T], str | None]
 
-    def __get_pydantic_core_schema__(
-        self, source: object, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        from pydantic_core import core_schema
-
-        return core_schema.no_info_after_validator_function(self._check, handler(source))
-
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        return handler(schema) | ({"$comment": self.takes} if self.takes else {})
+    def __iter__(self) -> Iterator[object]:
+        yield AfterValidator(self._check)
+        if self.takes:
+            yield Field(json_schema_extra={"$comment": self.takes})
 
     def _check(self, given: T) -> T:
         if problem := self.problem(given):
-            from pydantic_core import PydanticCustomError
-
             raise PydanticCustomError("text", "{problem}", {"problem": problem})
         return given
-
-
-@dataclass(frozen=True)
-class Over:
-    """A table whose missing entries are those of a default."""
-
-    default: Section
-
-    def __get_pydantic_core_schema__(
-        self, source: object, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        from pydantic_core import core_schema
-
-        return core_schema.no_info_before_validator_function(self._fill, handler(source))
-
-    def _fill(self, given: object) -> object:
-        return {**self.default.as_data(), **given} if isinstance(given, Mapping) else given
 
 
 def _like(pattern: str, takes: str) -> Checked[str]:
@@ -289,7 +152,7 @@ AbsolutePath: TypeAlias = Annotated[str, _like(r"(?s)(/[^\0]*)?", 'an absolute p
 AnyPath: TypeAlias = Annotated[
     str, Checked("", lambda text: "a path has no byte 0" if "\0" in text else None)
 ]
-Positive: TypeAlias = Annotated[float, Bounds({"gt": 0.0})]
+Positive: TypeAlias = Annotated[float, Field(gt=0.0)]
 Sign: TypeAlias = Annotated[int, Choice((1, -1))]
 
 

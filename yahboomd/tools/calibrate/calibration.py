@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
 from yahboomd.core.bus import keys
 from yahboomd.core.errors import ConfigError, Refused
-from yahboomd.tools.calibrate.calibration_writing import check_writable, undo_calibration
 from yahboomd.tools.calibrate.choices import HandTurns, TapeRuns
 
 if TYPE_CHECKING:
@@ -61,13 +59,16 @@ async def calibrate(
         name = "" if status is None else str(status.board.get("imu"))
         sensors = [each for dialect in DIALECTS.values() for each in dialect.sensors]
         usual = [each.axes for each in sensors if each.name == name] or ["x y z"]
-        config = replace(config, imu=replace(config.imu, axes=config.imu.axes or usual[0]))
+        imu = config.imu.model_copy(update={"axes": config.imu.axes or usual[0]})
+        config = config.model_copy(update={"imu": imu})
         stream = partial(robot.samples, ImuSample, depth=1024)
         show_mounted(await turn_by_hand(stream, person, config, choices.turns), config, person)
         return
     # Both before the robot moves: numpy belongs to an extra, and may be missing.
     await asyncio.to_thread(_import_fits)
     if not choices.dry_run and loaded.calibration_path is not None:
+        from yahboomd.tools.calibrate.calibration_writing import check_writable
+
         check_writable(loaded.calibration_path)
     from yahboomd.tools.calibrate.estimates.least_squares import PARTS, Unseen, fit
     from yahboomd.tools.calibrate.estimates.runs import Factors
@@ -168,6 +169,8 @@ def undo(loaded: Loaded) -> str:
         Refused: There is none.
         ConfigError: The folder cannot be written to, or the file is not a calibration.
     """
+    from yahboomd.tools.calibrate.calibration_writing import undo_calibration
+
     path = loaded.calibration_path
     if path is None or not undo_calibration(path):
         raise Refused(f"There is no calibration to take back in {path or 'any state directory'}.")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 from yahboomd.core.config import schema
 from yahboomd.core.config.layers import Origin
@@ -11,7 +12,7 @@ from yahboomd.core.config.loading import Loaded
 from yahboomd.core.config.models import Config
 from yahboomd.core.config.rules import RULES
 from yahboomd.core.config.schema import Node
-from yahboomd.core.config.values import Place, dotted, inline, without_none
+from yahboomd.core.config.values import Place, dotted, inline
 from yahboomd.core.model import Motor
 
 WIDTH = 96
@@ -130,6 +131,13 @@ def _reversed(motor: Motor) -> str:
     return "" if not found else f" ({'' if len(found) == 2 else f'{found[0]} '}reversed)"
 
 
+def _given(value: Any) -> Any:  # noqa: ANN401
+    """A default as in a file: entries that are null are left out."""
+    if isinstance(value, dict):
+        return {key: _given(item) for key, item in value.items() if item is not None}
+    return [_given(item) for item in value] if isinstance(value, list) else value
+
+
 def _rows(table: Node) -> Iterator[str]:
     yield "| key | takes | default | meaning |"
     yield "|---|---|---|---|"
@@ -139,7 +147,7 @@ def _rows(table: Node) -> Iterator[str]:
         elif node["default"] is None:
             default = "absent"
         else:
-            default = f"`{inline(without_none(node['default']))}`"
+            default = f"`{inline(_given(node['default']))}`"
         cells = (f"`{key}`", schema.takes(node), default, node["description"])
         yield f"| {' | '.join(_cell(cell) for cell in cells)} |"
     yield ""

@@ -78,7 +78,7 @@ async def ask_motors(
     board: dict[str, Any] = {"profile": name}
     if name == CUSTOM:
         board |= await _custom(person, given, stored)
-    return board, Config.of({"board": board}).profile()
+    return board, Config.model_validate({"board": board}).profile()
 
 
 async def ask_robot(

@@ -78,7 +78,7 @@ def as_config(description: Description, wheels: Sequence[str]) -> Config:
         for position, wheel in enumerate(wheels, start=1)
     )
     text = as_toml(description, WiringFound(motors=motors))
-    return Config.of(tomllib.loads(text))
+    return Config.model_validate(tomllib.loads(text))
 
 
 def write_robot(path: Path, text: str, *, overwrite: bool) -> None:
