@@ -22,11 +22,7 @@ from yahboomd.core.model import CHANNELS, NS_PER_S, Counts
 from yahboomd.simulation.board import NEVER
 from yahboomd.simulation.four_channel.flash import FlashContent, fields, mm_s_per_tick
 from yahboomd.simulation.four_channel.page_write import PREPARE_NS
-from yahboomd.simulation.four_channel.streamed_board import (
-    LACKING_GAINS,
-    LACKING_NUMBERS,
-    StreamedBoard,
-)
+from yahboomd.simulation.four_channel.streamed_board import StreamedBoard
 from yahboomd.simulation.options import PLAIN_GAIN, SimulationOptions
 from yahboomd.simulation.plant import SAG_V, Plant
 from yahboomd.simulation.speed_loop import SPEED_MAX, TICK_NS
@@ -57,6 +53,12 @@ go on, show up to a tick's counts more."""
 
 LONGEST_NS = 20_000 * MS
 """The end of a block in which a board hangs with its wheels turning."""
+
+LACKING_NUMBERS = 2
+"""With at most this many numbers in a speed or output, the firmware takes the others from its
+memory, or hangs. yahboomd always sends four, and the simulated board takes zeros."""
+LACKING_GAINS = 1
+"""The same of gains, of which yahboomd always sends three."""
 
 MANY_NUMBERS = 11
 """From so many numbers on, a command leaves the places of some where the firmware looks for those

@@ -74,7 +74,7 @@ class Commands:
             steps.append(Step(random.randrange(100 * MS), b"", power_fails=True))
             steps.append(Step(50 * MS, b"$read_flash#"))
         if kind == "hang":
-            name = random.choice((b"spd", b"pwm", b"MPID"))
+            name = random.choice((b"spd", b"pwm"))
             numbers = b",".join(
                 b"%d" % random.randrange(10) for _ in range(random.randint(FATAL - 1, FATAL + 3))
             )

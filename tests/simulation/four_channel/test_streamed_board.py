@@ -192,19 +192,6 @@ def test_a_command_that_fills_its_memory_goes_on_with_the_latest_answer(
     assert (desk.send(b"$read_vol#", 0.1) == b"") is hangs
 
 
-@pytest.mark.parametrize("streams", [b"0,0,1", b"0,1,1"])
-@pytest.mark.parametrize("gains", [b"", b"0.5", b"0.5,0.1"])
-def test_one_gain_or_none_hangs_a_board_that_streams_speeds_and_more(
-    bench: MakeBench, gains: bytes, streams: bytes
-) -> None:
-    desk = bench()
-    desk.send(b"$spd:300,0,300,0#$upload:%s#" % streams, 0.5)
-    heard = desk.send(b"$MPID:%s#" % gains, 0.6)
-    hangs = streams == b"0,1,1" and gains != b"0.5,0.1"
-    assert (RESET in heard) is not hangs
-    assert (desk.send(b"$read_vol#", 0.1) == b"") is hangs
-
-
 # Motion.
 
 

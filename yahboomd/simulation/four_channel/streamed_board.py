@@ -81,13 +81,8 @@ FULL_FRAME = 50
 which lies behind it, is read on as its end."""
 
 FATAL_NUMBERS = 14
-"""This many numbers in one command overwrite memory that the MCU needs: it hangs."""
-
-LACKING_NUMBERS = 2
-"""With at most this many numbers in a speed or output command, the MCU reads the missing ones from
-the memory of the latest line of speeds. If that line was not all zeros, it often hangs."""
-LACKING_GAINS = 1
-"""With at most this many gains it hangs then if other lines stream, too."""
+"""This many numbers in a speed or output overwrite memory that the MCU needs: it hangs. On a line
+that loses bytes, yahboomd's own frames merge into one that is so long."""
 
 _NOT_FOUND = b"fail,Command not found!"
 
@@ -321,11 +316,9 @@ class StreamedBoard:
         # A frame that has ended since the command was taken is lost here.
         self._mailbox.wipe()
 
-    def _answer(
-        self, text: bytes, now_ns: int, *, then: Callable[[int], None] | None = None
-    ) -> None:
+    def _answer(self, text: bytes, now_ns: int) -> None:
         self._answered = text + b"\r\n"
-        self._say(self._answered, now_ns, then=then or self._done)
+        self._say(self._answered, now_ns, then=self._done)
 
     def _stream(self, now_ns: int) -> None:
         totals, deltas, _ = self.streams
@@ -382,16 +375,10 @@ class StreamedBoard:
         return tuple(max(-limit, min(limit, number)) for number in numbers)
 
     def _carried_out(self, args: bytes, now_ns: int) -> None:
-        numbers = len(fields(args))
-        if numbers >= FATAL_NUMBERS or (numbers <= LACKING_NUMBERS and self._streams_speeds):
+        if len(fields(args)) >= FATAL_NUMBERS:
             self.hang()
         else:
             self._occupy(now_ns + CARRY_OUT_NS, then=self._done)
-
-    @property
-    def _streams_speeds(self) -> bool:
-        """Whether lines of speeds are sent that are not all zeros."""
-        return self.streams[2] and any(self._control.deltas)
 
     def _spd(self, args: bytes, now_ns: int) -> None:
         self._control.regulate(self._motor_numbers(args, SPEED_MAX))
@@ -431,16 +418,10 @@ class StreamedBoard:
 
     def _set(self, name: bytes, args: bytes, now_ns: int) -> None:
         content = changed(self.flash, name, args)
-        gains = len(fields(args)) if name == b"MPID" else LACKING_GAINS + 1
-        fatal = gains >= FATAL_NUMBERS
-        if gains <= LACKING_GAINS and self._streams_speeds and any(self.streams[:2]):
-            self.hang()
-            return
-        then = self._dies if fatal else self._done
         if isinstance(content, SettingRefused):
-            self._answer(content.answer, now_ns, then=then)
+            self._answer(content.answer, now_ns)
         elif content == self.flash:
-            self._confirm(name, now_ns, then=then)
+            self._confirm(name, now_ns)
         elif name == b"MPID":
             self._store(GAINS, content, now_ns, then=self._restart)
         else:
@@ -449,15 +430,12 @@ class StreamedBoard:
                 FIELDS[name],
                 content,
                 now_ns,
-                then=lambda at_ns: self._confirm(name, at_ns, then=then),
+                then=partial(self._confirm, name),
             )
 
-    def _confirm(self, name: bytes, now_ns: int, *, then: Callable[[int], None]) -> None:
+    def _confirm(self, name: bytes, now_ns: int) -> None:
         self._answered = confirmation(name, self.version)
-        self._say(self._answered, now_ns, then=then)
-
-    def _dies(self, _now_ns: int) -> None:
-        self.hang()
+        self._say(self._answered, now_ns, then=self._done)
 
     def _flash_reset(self, _args: bytes, now_ns: int) -> None:
         def erased(at_ns: int) -> None:
