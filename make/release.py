@@ -105,10 +105,11 @@ def _build(folder: Path, commit: str, *, deb: bool) -> list[Path]:
     _run("git", "clone", "--quiet", "--no-checkout", str(TREE), str(source))
     _run("git", "-C", str(source), "checkout", "--quiet", "--detach", commit)
     epoch = _output("git", "log", "-1", "--format=%ct", commit)
-    # The wheel is built of the sdist, as those do who build from it.
-    build = (str(BIN / "python"), "-m", "build", "--outdir", str(output), str(source))
-    _run(*build, quiet=True, SOURCE_DATE_EPOCH=epoch)
-    wheel = next(output.glob("*.whl"))
+    # A wheel is built of its sdist, as those do who build from it.
+    build = (str(BIN / "python"), "-m", "build", "--outdir", str(output))
+    for project in (source, source / "extras/fleet"):
+        _run(*build, str(project), quiet=True, SOURCE_DATE_EPOCH=epoch)
+    wheel = next(output.glob("yahboomd-*.whl"))
     venv.create(bare, with_pip=True)
     pip = (str(bare / "bin/python"), "-m", "pip", "--disable-pip-version-check", "-q", "install")
     _run(*pip, str(wheel))
@@ -130,10 +131,14 @@ def _build(folder: Path, commit: str, *, deb: bool) -> list[Path]:
 
 def _judge(files: list[Path], address: str) -> None:
     print("release: twine, check-wheel-contents, pyroma, the links of the README", flush=True)
-    wheel = next(file for file in files if file.suffix == ".whl")
-    sdist = next(file for file in files if file.name.endswith(".tar.gz"))
-    _run(str(BIN / "twine"), "check", "--strict", str(wheel), str(sdist))
-    _run(str(BIN / "check-wheel-contents"), str(wheel))
+    wheels = [file for file in files if file.suffix == ".whl"]
+    sdists = [file for file in files if file.name.endswith(".tar.gz")]
+    _run(str(BIN / "twine"), "check", "--strict", *map(str, wheels + sdists))
+    _run(str(BIN / "check-wheel-contents"), *map(str, wheels))
+    wheel, sdist = (
+        next(file for file in found if file.name.startswith("yahboomd-"))
+        for found in (wheels, sdists)
+    )
     # It wants the e-mail of an author; the authors are reached at the project's address.
     _run(str(BIN / "pyroma"), "--min", "10", "--skip-tests", "AuthorEmail", str(sdist))
     with zipfile.ZipFile(wheel) as packed:
