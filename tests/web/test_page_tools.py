@@ -27,7 +27,7 @@ from yahboomd.web.page_tools import PageTools, ToolSettings
         ("calibrate", {}),
         ("calibrate", {"verb": "tape"}),
         ("calibrate", {"verb": "tape", "choices": [1]}),
-        ("calibrate", {"verb": "poses", "choices": {}}),
+        ("calibrate", {"verb": "undo", "choices": {}}),
         ("answer", {"question": "a", "text": "1"}),
         ("answer", {"question": 1, "text": 1}),
         ("end_calibration", {}),

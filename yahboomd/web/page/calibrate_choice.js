@@ -18,11 +18,6 @@ const METHODS = [
     title: "Gyro",
     words: "How the inertial sensor is mounted, for boards that have one. You turn the robot by hand; it takes two minutes, and writes nothing.",
   },
-  {
-    title: "Sensor",
-    words: "Against the poses of SLAM or motion capture, without a tape. Their recording is on a computer and not on a phone, so this is done in a terminal there, with the files of a recording that you make here:",
-    command: "yahboomd calibrate poses run-001 SENSOR_BAG --frames map laser",
-  },
 ];
 
 export class Choice {
@@ -35,7 +30,6 @@ export class Choice {
   constructor(onStart) {
     this.methods = METHODS.map((method) => el("button", { type: "button", onclick: () => this.#choose(method) }, method.title));
     this.words = el("p");
-    this.command = el("code", {});
     this.fields = el("div", { class: "fields" });
     this.wrong = el("p", { class: "error", role: "alert" });
     this.start = el("button", { type: "submit", class: "primary" }, "Begin");
@@ -45,7 +39,6 @@ export class Choice {
       el("h2", {}, "Find the true size of the robot"),
       el("div", { class: "tools", role: "group", "aria-label": "Method" }, ...this.methods),
       this.words,
-      this.command,
       this.fields,
       this.wrong,
       this.start,
@@ -65,9 +58,6 @@ export class Choice {
     this.wrong.textContent = "";
     METHODS.forEach((each, at) => this.methods[at].setAttribute("aria-pressed", each === method));
     this.words.textContent = method.words;
-    this.command.textContent = method.command ?? "";
-    this.command.hidden = !method.command;
-    this.start.hidden = Boolean(method.command);
     this.#inputs = new Map();
     this.#switches = new Map();
     const fields = Object.entries(this.#forms[method.verb] ?? {}).map(([name, field]) => [this.#field(name, field), field.more]);
