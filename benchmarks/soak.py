@@ -451,8 +451,8 @@ FAULTS: dict[str, Callable[[Soak], None]] = {
     "mute": mute,
     "reset": lambda soak: soak.stands(soak.do("reset"), 1.0),
     "SIGKILL": lambda soak: soak.end_daemon(signal.SIGKILL, 1.0 + BRAKE_S),
-    # The guard waits for two seconds.
-    "SIGSTOP": lambda soak: soak.end_daemon(signal.SIGSTOP, 3.0 + BRAKE_S),
+    # The guard waits for the promise to lapse, and kills it five seconds later.
+    "SIGSTOP": lambda soak: soak.end_daemon(signal.SIGSTOP, 2.0 + BRAKE_S),
     "byte loss": lose_bytes,
     "wheel stalled": cut("stalled"),
     "encoder dead": cut("encoder-dead"),

@@ -31,7 +31,7 @@ def test_the_path_for_a_reader_is_there_and_can_be_read_in_a_day() -> None:
     assert lines_of(ROOT / "yahboomd" / name for name in READING_PATH) <= READ_IN_A_DAY
 
 
-MOST_CODE_OF_THE_CORE = 17068
+MOST_CODE_OF_THE_CORE = 17211
 """It only shrinks. A commit that raises it gives the reason, and takes as much away soon."""
 
 

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.cli.run import GUARDED_S
 from yahboomd.cli.shell import command_tree
 from yahboomd.client.commanding import OTHER_SILENCE_S, SILENCE_S
 from yahboomd.core.config import Config
@@ -137,8 +136,3 @@ def test_a_client_expects_the_silence_that_the_daemon_allows() -> None:
     assert {name: client[name] for name in config.command.sources} == {
         name: config.source_timeout_s(name) for name in config.command.sources
     }
-
-
-def test_the_units_watchdog_is_the_guards() -> None:
-    for unit in ("yahboomd.service", "yahboomd@.service"):
-        assert f"\nWatchdogSec={GUARDED_S:g}\n" in (ROOT / "systemd" / unit).read_text()

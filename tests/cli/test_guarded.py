@@ -9,13 +9,14 @@ from collections.abc import Iterator
 
 import pytest
 
-from yahboomd.core.clock import Clock, SystemClock
+from yahboomd.core.clock import SystemClock
 from yahboomd.core.config import Config
 from yahboomd.core.errors import BoardError, PortLost
 from yahboomd.core.link.line import Line
 from yahboomd.core.link.port import PortOptions, open_port
-from yahboomd.core.link.port_guard import PortGuard
+from yahboomd.core.link.port_guard import stops_of
 from yahboomd.core.model import NS_PER_S as SECOND_NS
+from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
@@ -65,27 +66,41 @@ async def test_without_the_guard_no_wheel_is_driven(path: str) -> None:
 
 
 @pytest.mark.parametrize("car_type", [0, 3])
-async def test_its_stop_ends_motion_on_a_rosmaster_whose_car_type_ignores_a_cut(
-    path: str, monkeypatch: pytest.MonkeyPatch, car_type: int
+def test_the_surest_stop_ends_motion_on_a_rosmaster_whose_car_type_ignores_a_cut(
+    car_type: int,
 ) -> None:
-    clock, stops = SystemClock(), list[bytes]()
-
-    async def watches(_guard: PortGuard, stop: bytes, _clock: Clock) -> bool:
-        stops.append(stop)
-        return True
-
-    monkeypatch.setattr(PortGuard, "watches", watches)
-    port = await open_port(PortOptions(path=path), clock)
     dialect = DIALECTS["rosmaster"]
-    async with guarded(Line(port, clock), Config(), print) as guard:
-        await guard.watch_over(dialect)
-    port.close()
     flash = RosmasterStored(car_type=car_type)
     robot = SimulatedRobot(SimulationOptions(dialect="rosmaster", flash=flash))
     robot.start(0)
     full = dialect.outputs((dialect.most_output,) * 4, {})
-    for now_ns, frame in ((SECOND_NS, full), (2 * SECOND_NS, stops[0])):
+    for now_ns, frame in ((SECOND_NS, full), (2 * SECOND_NS, stops_of(dialect)[1])):
         robot.host_wrote(frame, now_ns)
         robot.advance(now_ns + SECOND_NS)
-        turns = max(map(abs, robot.truth(now_ns + SECOND_NS).speed_m_s)) > 0.1
-        assert turns is (frame == full)
+        assert turns(robot, now_ns + SECOND_NS) is (frame == full)
+
+
+def turns(robot: SimulatedRobot, now_ns: int) -> bool:
+    return max(map(abs, robot.truth(now_ns).speed_m_s)) > 0.1
+
+
+@pytest.mark.parametrize("name", DIALECTS)
+def test_a_stop_within_any_frame_that_its_owner_was_writing_is_obeyed(name: str) -> None:
+    dialect = DIALECTS[name].for_profile(PROFILES["520"])
+    body = name == "rosmaster"
+    motion = dialect.speeds((300, 0, 0) if body else (300,) * 4)
+    for stop in stops_of(dialect):
+        for at in range(len(motion) + 1):
+            robot = SimulatedRobot(SimulationOptions(dialect=name))  # type: ignore[arg-type]
+            robot.start(0)
+            for number, frame in enumerate((*dialect.arm, motion)):
+                robot.host_wrote(frame, SECOND_NS + number * SECOND_NS // 10)
+            robot.advance(2 * SECOND_NS)
+            assert turns(robot, 2 * SECOND_NS)
+            for late_ns, part in enumerate((motion[:at], stop, motion[at:])):
+                robot.host_wrote(part, 2 * SECOND_NS + 1000 * late_ns)
+            # It is repeated until its owner has written all, and acknowledged it.
+            robot.advance(2 * SECOND_NS + SECOND_NS // 10)
+            robot.host_wrote(stop, 2 * SECOND_NS + SECOND_NS // 10)
+            robot.advance(4 * SECOND_NS)
+            assert not turns(robot, 4 * SECOND_NS), at

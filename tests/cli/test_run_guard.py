@@ -15,18 +15,17 @@ from pathlib import Path
 import pytest
 from real_robot import DRIVER, RealRobot, wait_for
 
-from yahboomd.cli.run import GUARDED_S
 from yahboomd.core.link import port_note
 from yahboomd.core.link.port_errors import holders
-from yahboomd.core.link.port_identity import Device
-from yahboomd.core.link.port_note import PortNote
+from yahboomd.core.link.port_guard import FAR_MS
+from yahboomd.core.link.promise import Promise, memory
 from yahboomd.tools.port.charge import Charge
-from yahboomd.tools.port.guard import FAR_MS, Guard
+from yahboomd.tools.port.guard import Guard
+from yahboomd.tools.port.guard_law import Limits
 from yahboomd.tools.stop import last_stop
 from yahboomd.tools.stop.unresponsive import is_guard
 
-NOTE = PortNote("/dev/pts/0", 115200, True, False, False, Device(48128, "6:1034", ""))
-PORT = port_note.text_of(NOTE).encode()
+KILLED_S = Limits().kill_after / 1000.0
 
 
 @contextmanager
@@ -83,7 +82,7 @@ def test_a_daemon_that_is_killed_crashes_or_freezes_in_motion_leaves_standing_wh
         assert status == -(signal.SIGKILL if name == "SIGSTOP" else getattr(signal, name))
         wait_for(lambda: "the wheels stand, " in daemon.output, "the guard reports them")
         guarded.settled_truth()
-    why = "was frozen or starved for 2 s, and was killed" if name == "SIGSTOP" else "ended and left"
+    why = "was frozen or starved for 5 s, and was killed" if name == "SIGSTOP" else "ended and left"
     assert f"yahboomd (pid {daemon.pid}) {why}" in daemon.output
     wait_for(lambda: not os.path.exists(f"/proc/{guard}"), "the guard ends")
     assert all(note.ended for note in port_note.read(str(tmp_path / "run")))
@@ -171,6 +170,19 @@ def test_a_guard_ends_without_the_port_for_the_next_daemon_once_that_is_connecte
     assert "Lost" not in daemon.output
 
 
+@pytest.mark.realtime
+def test_a_daemon_that_pauses_for_seconds_is_stopped_and_drives_on(guarded: RealRobot) -> None:
+    daemon = guarded.daemon
+    with driven(guarded):
+        daemon.process.send_signal(signal.SIGSTOP)
+        guarded.settled_truth()
+        daemon.process.send_signal(signal.SIGCONT)
+        daemon.says("Its guard stopped the wheels.")
+        wait_for(lambda: guarded.truth()[-1].vx > 0.35, "it drives on")
+    assert daemon.end() == 0
+    assert not {"ERROR", "CRITICAL"} & set(daemon.output.split())
+
+
 @pytest.mark.nightly
 @pytest.mark.realtime
 def test_a_pause_of_daemon_and_guard_together_is_no_freeze_of_the_daemon(
@@ -180,7 +192,7 @@ def test_a_pause_of_daemon_and_guard_together_is_no_freeze_of_the_daemon(
     pids = (*guards(guarded.daemon.pid), guarded.daemon.pid)
     for pid in pids:
         os.kill(pid, signal.SIGSTOP)
-    until_s = time.monotonic() + GUARDED_S + 0.5
+    until_s = time.monotonic() + KILLED_S + 0.5
     wait_for(lambda: time.monotonic() > until_s, "the time in which a frozen one is killed")
     for pid in reversed(pids):
         os.kill(pid, signal.SIGCONT)
@@ -213,7 +225,7 @@ def test_an_end_in_order_needs_no_guard_and_one_that_suspends_with_standing_whee
     with driven(guarded):
         daemon.process.send_signal(signal.SIGTSTP)
         wait_for(lambda: "State:\tT" in Path(f"/proc/{daemon.pid}/status").read_text(), "suspended")
-        until_s = time.monotonic() + GUARDED_S + 0.5
+        until_s = time.monotonic() + KILLED_S + 0.5
         wait_for(lambda: time.monotonic() > until_s, "the time in which a frozen one is killed")
         daemon.process.send_signal(signal.SIGCONT)
         daemon.says("Continued.")
@@ -235,19 +247,17 @@ def test_no_guard_is_started_by_an_option_and_where_a_service_manager_watches(
     assert guards(robot.daemon.pid) == []
 
 
-def test_promises_end_once_it_is_ready_and_until_the_wheels_stand() -> None:
-    ours, its = socket.socketpair()
-    guard = Guard(Charge(its.fileno(), 0, 2.0), its)
-    promises = []
-    for message in (b"PORT", b"PROMISE", b"PORT", b"STANDING", b"ENDING", b"PROMISE", b"ENDING"):
-        guard._read(message, PORT)
-        state = guard._state
-        promises.append(state.turning and ("for ever" if state.until == FAR_MS else "for a while"))
-    assert promises == [
-        *("for ever", "for a while", "for a while"),
-        *(False, False, "for a while", "for ever"),
-    ]
-    assert guard._note == NOTE
+def test_the_end_of_the_newest_promise_counts_and_standing_wheels_need_none() -> None:
+    ours, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    its.setblocking(False)
+    promise = Promise(memory())
+    guard = Guard(Charge(its.fileno(), 0, 0), its, promise)
+    dues = []
+    for until_ms in (FAR_MS, FAR_MS - 1, FAR_MS, 0, FAR_MS - 2):
+        promise.until_ms = until_ms
+        guard._hear(ended=False)
+        dues.append(guard._state.due)
+    assert dues == [FAR_MS, FAR_MS - 1, FAR_MS, None, FAR_MS - 2]
     ours.close()
     its.close()
 

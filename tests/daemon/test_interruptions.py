@@ -8,6 +8,9 @@ from pathlib import Path
 import pytest
 from robot_bench import RobotBench
 
+from yahboomd.core.link.port_guard import stops_of
+from yahboomd.core.link.promise import Promise, memory
+from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import VirtualTimeLoop, on_virtual_time
 
@@ -29,6 +32,48 @@ async def test_a_pause_is_one_event_and_counted(tmp_path: Path) -> None:
         (event,) = [event for event in bench.heard.events if event.kind == "paused"]
         assert "yahboomd did not run for 1.4 s" in event.message
         assert bench.controller.status_values()["pauses"] == 1
+
+
+@on_virtual_time
+async def test_wheels_that_the_guard_stopped_in_a_pause_start_again_without_an_alarm(
+    tmp_path: Path,
+) -> None:
+    async with RobotBench(tmp_path) as bench:
+        promise = bench.guard._promise = Promise(memory())
+        await bench.ready()
+        await bench.drive(2.0, 0.4)
+        now_ns = bench.clock.now_ns()
+        assert now_ns // 1_000_000 + 450 < promise.until_ms <= now_ns // 1_000_000 + 1000
+        promise.stop = 7
+        bench.robot.host_wrote(stops_of(DIALECTS["streamed"])[0], now_ns)
+        freeze(1.4)
+        # The newest command may be older than the pause.
+        await asyncio.sleep(0.3)
+        assert promise.acknowledged == 7
+        await bench.drive(2.0, 0.4)
+        assert min(bench.rim_speeds) > 0.35
+        (event,) = [event for event in bench.heard.events if event.kind == "paused"]
+        assert event.message.endswith(" Its guard stopped the wheels.")
+        assert {each.severity for each in bench.heard.events if each is not event} == {"info"}
+        assert bench.controller.status_values()["guard_stops"] == 1
+
+
+@on_virtual_time
+async def test_a_stop_by_the_guard_without_a_pause_is_reported_and_no_jump_follows(
+    tmp_path: Path,
+) -> None:
+    async with RobotBench(tmp_path) as bench:
+        promise = bench.guard._promise = Promise(memory())
+        await bench.ready()
+        await bench.drive(2.0, 0.4)
+        promise.stop = 1
+        bench.robot.host_wrote(stops_of(DIALECTS["streamed"])[0], bench.clock.now_ns())
+        await asyncio.sleep(0.05)
+        assert "paused" in bench.heard.kinds
+        # It ramps up from standstill.
+        assert max(bench.controller._wheels.command_m_s) < 0.2
+        await bench.drive(1.0, 0.4)
+        assert min(bench.rim_speeds) > 0.35
 
 
 @on_virtual_time

@@ -12,7 +12,6 @@ import subprocess
 import sys
 import tty
 from collections.abc import Iterator
-from functools import partial
 from typing import NamedTuple
 
 import pytest
@@ -24,27 +23,36 @@ from yahboomd.core.link.port_errors import holders
 from yahboomd.core.link.port_guard import ENDS_WITHIN_S, PortGuard
 from yahboomd.core.link.port_identity import identify
 from yahboomd.core.link.port_note import PortNote
+from yahboomd.core.model import NS_PER_S
 from yahboomd.core.protocol.first_words import FIRST_WORDS
+from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.tools.port import charge
 
 pytestmark = pytest.mark.realtime
 
+DIALECT = DIALECTS["streamed"]
 STOP = b"$pwm:0,0,0,0#"
+ZERO = b"$spd:0,0,0,0#"
 
-WATCHED = f"""
-import asyncio, sys, time
+WATCHED = """
+import asyncio, os, sys, time
 from yahboomd.core.clock import SystemClock
 from yahboomd.core.link.port_guard import PortGuard
 from yahboomd.core.link.port_note import note_of
+from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.tools.port import charge
-guard = PortGuard(lambda: charge.start(0.6))
+class Raw:
+    pending = 0
+    def fileno(self): return int(sys.argv[1])
+    def write(self, data): os.write(self.fileno(), data)
+guard = PortGuard(charge.start)
 guard.begin()
-guard.share(int(sys.argv[1]), note_of(sys.argv[2]))
+guard.share(Raw(), note_of(sys.argv[2]))
 for mark in sys.argv[3]:
     if mark == "?":
-        assert asyncio.run(guard.watches({STOP!r}, SystemClock()))
+        assert asyncio.run(guard.watches(DIALECTS["streamed"], SystemClock()))
     else:
-        guard.promise() if mark == "+" else guard.standing()
+        guard.promise(time.monotonic_ns() + 600_000_000) if mark == "+" else guard.standing()
 print(guard.pid, flush=True)
 time.sleep(60)
 """
@@ -66,6 +74,21 @@ def port() -> Iterator[Ends]:
     path = os.ttyname(fd)
     yield Ends(far, fd, PortNote(path, 115200, True, False, False, identify(os.stat(path))))
     os.close(far)
+
+
+class Raw:
+    """A port that its guard's owner writes to."""
+
+    pending = 0
+
+    def __init__(self, fd: int) -> None:
+        self._fd = fd
+
+    def fileno(self) -> int:
+        return self._fd
+
+    def write(self, data: bytes) -> None:
+        os.write(self._fd, data)
 
 
 class Watched:
@@ -97,6 +120,14 @@ def stops(far: int) -> None:
         found += os.read(far, 4096)
 
 
+def frames(far: int, last: bytes) -> list[bytes]:
+    """What is written, without resyncs, until a frame comes."""
+    found = b""
+    while last not in found:
+        found += os.read(far, 4096)
+    return found.split()
+
+
 def written(far: int) -> bytes:
     """All that was written until every process has let go of the port."""
     found = b""
@@ -125,7 +156,7 @@ def test_a_port_that_nobody_can_open_is_stopped_on_the_shared_descriptor(port: E
     watched = Watched(port._replace(note=away), "?+")
     watched.kill()
     assert select.select([port.far], [], [], 30.0)[0]
-    assert os.read(port.far, 4096).startswith(STOP)
+    assert os.read(port.far, 4096).strip().startswith(STOP)
     os.kill(watched.guard, signal.SIGKILL)
 
 
@@ -139,11 +170,12 @@ def test_before_the_board_is_known_every_dialect_is_stopped(port: Ends) -> None:
     os.kill(watched.guard, signal.SIGKILL)
 
 
-def test_a_process_that_hangs_in_a_pulse_has_its_motors_let_go(port: Ends) -> None:
+def test_a_process_that_hangs_in_motion_is_stopped_and_at_last_its_motors_are_let_go(
+    port: Ends,
+) -> None:
     watched = Watched(port, "?+")
     watched.process.send_signal(signal.SIGSTOP)
-    assert select.select([port.far], [], [], 30.0)[0]
-    assert os.read(port.far, 4096).startswith(STOP)
+    assert frames(port.far, STOP)[0] == ZERO
     os.kill(watched.guard, signal.SIGKILL)
     watched.kill()
 
@@ -164,7 +196,7 @@ def test_signals_of_the_terminal_do_not_end_it(port: Ends) -> None:
 
 @pytest.fixture
 def guard() -> Iterator[PortGuard]:
-    made = PortGuard(partial(charge.start, 60.0))
+    made = PortGuard(charge.start)
     made.begin()
     yield made
     made.dismiss()
@@ -177,15 +209,45 @@ async def test_a_guard_without_a_free_descriptor_does_not_watch_and_another_one_
     os.close(port.fd)
     first, opened = guard.pid, await open_port(options, clock)
     opened.share(guard, options)
-    assert await guard.watches(STOP, clock)
+    assert await guard.watches(DIALECT, clock)
     opened.close()
     assert first is not None
     resource.prlimit(first, resource.RLIMIT_NOFILE, (3, 3))
     again = await open_port(options, clock)
     again.share(guard, options)
-    assert await guard.watches(STOP, clock)
+    assert await guard.watches(DIALECT, clock)
     assert guard.pid != first
     again.close()
+
+
+@pytest.mark.parametrize("let_go", [False, True])
+async def test_a_stop_is_repeated_until_it_is_acknowledged_by_its_number(
+    port: Ends, guard: PortGuard, let_go: bool
+) -> None:
+    raw = Raw(port.fd)
+    guard.share(raw, port.note)
+    assert await guard.watches(DIALECT, SystemClock())
+    guard.let_go(let_go)
+    guard.promise(SystemClock.now_ns() + NS_PER_S // 10)
+    # A zero speed would start the speed loop of motors that were let go.
+    stop = STOP if let_go else ZERO
+    assert frames(port.far, stop + DIALECT.resync + stop)[0] == stop
+    assert guard.stopped
+    # A motion is on its way yet, and would follow the stop.
+    raw.pending = 1
+    guard.promise(SystemClock.now_ns() + NS_PER_S)
+    assert guard.stopped
+    assert frames(port.far, stop)
+    raw.pending = 0
+    guard.promise(SystemClock.now_ns() + 100 * NS_PER_S)
+    assert not guard.stopped
+    os.set_blocking(port.far, False)
+    while select.select([port.far], [], [], 0.5)[0]:
+        left = os.read(port.far, 4096)
+    assert left.endswith(DIALECT.resync)
+    assert guard.stops == 1
+    guard.close_port()
+    os.close(port.fd)
 
 
 @pytest.mark.parametrize("frozen", [False, True])
@@ -196,7 +258,7 @@ async def test_a_port_that_was_closed_is_free_whatever_its_guard_does(
     os.close(port.fd)
     opened = await open_port(options, clock)
     opened.share(guard, options)
-    assert await guard.watches(STOP, clock)
+    assert await guard.watches(DIALECT, clock)
     first = guard.pid
     assert first is not None
     if frozen:
@@ -212,8 +274,8 @@ async def test_a_port_that_was_closed_is_free_whatever_its_guard_does(
 async def test_a_guard_beside_its_owner_is_not_named_as_a_holder(
     port: Ends, guard: PortGuard
 ) -> None:
-    guard.share(port.fd, port.note)
-    assert await guard.watches(STOP, SystemClock())
+    guard.share(Raw(port.fd), port.note)
+    assert await guard.watches(DIALECT, SystemClock())
     assert holders(port.note.path) == ()
     guard.close_port()
     os.close(port.fd)
@@ -221,9 +283,9 @@ async def test_a_guard_beside_its_owner_is_not_named_as_a_holder(
 
 @pytest.mark.nightly
 async def test_a_guard_that_ends_in_order_writes_nothing(port: Ends, guard: PortGuard) -> None:
-    guard.share(port.fd, port.note)
-    assert await guard.watches(STOP, SystemClock())
-    guard.promise()
+    guard.share(Raw(port.fd), port.note)
+    assert await guard.watches(DIALECT, SystemClock())
+    guard.promise(SystemClock.now_ns() + NS_PER_S)
     guard.standing()
     guard.close_port()
     guard.end(ENDS_WITHIN_S)
@@ -237,8 +299,8 @@ async def test_a_port_that_went_away_is_let_go_and_a_dismissed_guard_ends(
 ) -> None:
     assert port.note.device is not None
     pid, away = guard.pid, port.note._replace(device=port.note.device._replace(node="gone"))
-    guard.share(port.fd, away)
-    guard.promise()
+    guard.share(Raw(port.fd), away)
+    guard.promise(SystemClock.now_ns() + NS_PER_S)
     guard.close_port()
     waiting = asyncio.create_task(guard.outcome(SystemClock()))
     os.close(port.fd)

@@ -70,6 +70,24 @@ async def test_a_velocity_is_repeated_at_the_resend_period(
     assert port.frames == [b"$a#"] * 4
 
 
+async def test_no_velocity_follows_a_stop_of_the_guard_before_that_is_acknowledged(
+    writer: Any, port: Any, clock: Any
+) -> None:
+    writer.velocity(b"$a#")
+    writer.stopped = lambda: True
+    await advance(clock, 250)
+    writer.velocity(b"$b#")
+    writer.stop((b"$stop#",))
+    await advance(clock, 50)
+    assert port.frames == [b"$a#", b"$stop#"]
+    writer.velocity(b"$c#")
+    assert port.frames == [b"$a#", b"$stop#"]
+    assert writer.counters["velocities_withheld"] >= 3
+    writer.stopped = lambda: False
+    await advance(clock, 110)
+    assert port.frames[2:] == [b"$c#"]
+
+
 async def test_a_stop_waits_for_the_spacing_and_for_nothing_else(
     writer: Any, port: Any, clock: Any
 ) -> None:

@@ -22,6 +22,7 @@ from yahboomd.core.daemon.control import Controller
 from yahboomd.core.daemon.requests import Operator
 from yahboomd.core.daemon.supervisor import Supervisor
 from yahboomd.core.errors import PortMissing
+from yahboomd.core.link.port_guard import PortGuard
 from yahboomd.core.link.tap import NO_TAP
 from yahboomd.core.messages.codecs import encode
 from yahboomd.core.messages.native import VelocityCommand
@@ -106,6 +107,7 @@ class RobotBench:
         tap = self.recorder or NO_TAP
         self.arbiter = assembly.arbiter(self.config)
         self.latch = assembly.latch(self.config, self.clock, {})
+        self.guard = PortGuard()
         self.controller: Controller = assembly.controller(
             self.config,
             self.clock,
@@ -113,6 +115,7 @@ class RobotBench:
             latch=self.latch,
             outputs=self.heard,
             odometer=odometer(assembly.odometer_settings(self.config), self.recorder),
+            guard=self.guard,
         )
         self.operator = Operator(
             self.clock, controller=self.controller, arbiter=self.arbiter, latch=self.latch
@@ -127,7 +130,9 @@ class RobotBench:
             recorder=self.recorder,
         )
         self.supervisor = Supervisor(
-            lambda: assembly.session(self.config, self.clock, self.controller, self._open, tap),
+            lambda: assembly.session(
+                self.config, self.clock, self.controller, self._open, tap, guard=self.guard
+            ),
             self.clock,
             self.controller.unavailable,
         )
@@ -145,9 +150,13 @@ class RobotBench:
     async def __aenter__(self) -> Self:
         self.tasks = [
             asyncio.create_task(self.supervisor.run()),
-            asyncio.create_task(self.controller.run(self.beats.append)),
+            asyncio.create_task(self.controller.run(self._beat)),
         ]
         return self
+
+    def _beat(self, due_ns: int) -> None:
+        self.guard.promise(self.controller.promised_ns())
+        self.beats.append(due_ns)
 
     async def __aexit__(self, *_: object) -> None:
         for task in self.tasks:

@@ -17,9 +17,6 @@ from yahboomd.tools.port import charge
 from yahboomd.tools.stop.last_stop import say
 from yahboomd.tools.stop.unresponsive import FROZEN, is_yahboomd, process_state
 
-GUARDED_S = 2.0
-"""The guard ends a daemon that is silent for this long, as the unit's watchdog does."""
-
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -33,8 +30,8 @@ the wheels first, as on any signal but SIGKILL, SIGSTOP, and those of a fault of
 (SIGSEGV, SIGBUS, SIGILL, SIGFPE, SIGABRT, SIGSYS, SIGTRAP): after these its guard stops them, or
 the service manager. A board that is not there is waited for.
 
-The guard is a small process that shares the open port. It also kills a daemon that hangs, or is
-suspended by SIGSTOP, for 2 s.
+The guard is a small process that shares the open port. It also stops the wheels if the daemon
+pauses for 0.5 s, and kills one that hangs, or is suspended by SIGSTOP, for 5 s.
 """
 
 EPILOG = """\
@@ -154,7 +151,7 @@ def _start_guard() -> PortGuard | None:
     from yahboomd.core.link.port_guard import PortGuard
 
     folder = runtime_folder(os.environ, user_id=os.getuid())
-    guard = PortGuard(partial(charge.start, GUARDED_S, kills=True, folder=str(folder)))
+    guard = PortGuard(partial(charge.start, kills=True, folder=str(folder)))
     try:
         guard.begin()
     except OSError as error:

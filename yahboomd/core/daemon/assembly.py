@@ -108,6 +108,7 @@ def controller(
     latch: EstopLatch,
     outputs: Outputs,
     odometer: Odometer,
+    guard: PortGuard,
 ) -> Controller:
     return Controller(
         clock,
@@ -116,6 +117,7 @@ def controller(
         odometer=odometer,
         latch=latch,
         outputs=outputs,
+        guard=guard,
     )
 
 
@@ -146,6 +148,8 @@ def opener(
 
     async def open_it() -> Port:
         nonlocal noting, said
+        if guard is not None:
+            guard.close_port()
         found = candidates() if not serial.port else ()
         path, words = await find(
             serial.port, found, lambda each: open_port(options_of(each), clock), clock

@@ -19,7 +19,7 @@ from yahboomd.core.clock import Clock, Schedule, nanoseconds, seconds
 from yahboomd.core.daemon.estop.latch import EstopLatch
 from yahboomd.core.daemon.estop.stop_reports import StopReports
 from yahboomd.core.daemon.fit import BLIND_S, ControlOptions, fit
-from yahboomd.core.daemon.interruptions import Pauses, Resets
+from yahboomd.core.daemon.interruptions import PROMISED_NS, Pauses, Resets
 from yahboomd.core.daemon.publisher import Events, Outputs
 from yahboomd.core.daemon.wheels import Wheels
 from yahboomd.core.drive import standing
@@ -43,6 +43,7 @@ from yahboomd.core.drive.limiter import Limiter
 from yahboomd.core.errors import YahboomdError
 from yahboomd.core.link.connected_board import ConnectedBoard
 from yahboomd.core.link.handshake import Identity
+from yahboomd.core.link.port_guard import PortGuard
 from yahboomd.core.model import Counts, EncoderReading, Event, ImuReading, Matrix3, Pose2d
 from yahboomd.core.names import source_words
 from yahboomd.core.odometry.odometer import Odometer
@@ -56,6 +57,9 @@ can be sent, and a bound on the cost of a flood of commands."""
 IDLE_NS = 100_000_000
 """The period of the control step while the wheels stand and nothing commands them. A command, a
 stop or a turning wheel causes a step at once."""
+
+MOST_PROMISED_NS = 1_000_000_000
+"""The longest promise to the guard, while the command in effect is good for as long."""
 
 PERSONS = (CMD_VEL_TELEOP, CMD_VEL_WEB)
 """The sources by which people drive."""
@@ -77,6 +81,7 @@ class Controller:
         odometer: Makes estimates of readings.
         latch: The e-stop.
         outputs: Receive the estimates and events.
+        guard: Stops the wheels if this process pauses.
     """
 
     def __init__(
@@ -88,6 +93,7 @@ class Controller:
         odometer: Odometer,
         latch: EstopLatch,
         outputs: Outputs,
+        guard: PortGuard | None = None,
     ) -> None:
         self._clock = clock
         self._options = options
@@ -123,7 +129,9 @@ class Controller:
             nanoseconds(options.period_s),
             arbiter=arbiter,
             wheels=self._wheels,
+            limiter=self._limiter,
             events=self._events,
+            guard=guard or PortGuard(),
         )
         self._decision = Decision()
         self._stepped_ns = clock.now_ns()
@@ -227,6 +235,11 @@ class Controller:
             self._wait(f"No counts have come for {blind_s:g} s, and wheels are not driven unseen.")
             self.counters["blind"] += 1
             self._outputs.changed()
+
+    def promised_ns(self) -> int:
+        """Until when the next control step will have been: later while a command is good."""
+        now_ns, deadline_ns = self._clock.now_ns(), self._arbiter.deadline_ns or 0
+        return max(now_ns + PROMISED_NS, min(deadline_ns, now_ns + MOST_PROMISED_NS))
 
     def step_soon(self) -> None:
         """Step at once for a new command, but no more often than a command can be sent.

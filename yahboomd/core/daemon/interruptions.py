@@ -9,17 +9,23 @@ A board announces its reset, or its counters show it. Its motors are free then, 
 
 from __future__ import annotations
 
-from yahboomd.core.clock import PAUSE_NS, Clock, PauseWatch
+from yahboomd.core.clock import PAUSE_NS, Clock, Pause, PauseWatch
 from yahboomd.core.daemon.publisher import Events, Outputs
 from yahboomd.core.daemon.wheels import Wheels
 from yahboomd.core.drive.arbiter import Arbiter
 from yahboomd.core.drive.holds import FAULT, Holds, ResetWatch
 from yahboomd.core.drive.limiter import Limiter
+from yahboomd.core.link.port_guard import PortGuard
 from yahboomd.core.model import Counts, Event
 
 WAITED_NS = 100_000_000
 """The time after a pause in which waiting commands arrive. Measured with clients of Zenoh that sent
 20 to 200 commands a second to a process stopped for 0.6 to 9 s: the last came 42 ms after it."""
+
+PROMISED_NS = 500_000_000
+"""The guard stops the wheels if no control step comes for this time."""
+
+GUARD_STOPPED = " Its guard stopped the wheels."
 
 LATEST_WAITED_NS = 10_000_000_000
 """Over a network a suspended machine gets retransmissions for up to the time that it was away;
@@ -33,22 +39,41 @@ class Pauses:
         period_ns: How often the control path runs at least.
         arbiter: Refuses commands that may have waited.
         wheels: Judge no counts that waited.
+        limiter: Begins again from standstill if the guard stopped the wheels.
+        guard: Its stops are pauses, too.
     """
 
     def __init__(
-        self, clock: Clock, period_ns: int, *, arbiter: Arbiter, wheels: Wheels, events: Events
+        self,
+        clock: Clock,
+        period_ns: int,
+        *,
+        arbiter: Arbiter,
+        wheels: Wheels,
+        limiter: Limiter,
+        events: Events,
+        guard: PortGuard,
     ) -> None:
+        self._clock = clock
         self._watch = PauseWatch(clock, PAUSE_NS + period_ns)
         self._arbiter = arbiter
         self._wheels = wheels
+        self._limiter = limiter
+        self._guard = guard
+        self._stops = guard.stops
         self._events = events
         self._waited_ns = 0
 
     def notice(self) -> bool:
         """Whether a pause ended just now; call it before using anything that may have waited."""
-        pause = self._watch.detect()
+        pause, stops = self._watch.detect(), self._guard.stops
+        stopped, self._stops = stops != self._stops, stops
         if pause is None:
-            return False
+            if not stopped:
+                return False
+            # Control steps were late, though others were not.
+            now_ns = self._clock.now_ns()
+            pause = Pause(since_ns=now_ns - PROMISED_NS, until_ns=now_ns, suspended_ns=0)
         self._arbiter.paused(
             pause.since_ns,
             pause.until_ns,
@@ -56,6 +81,9 @@ class Pauses:
             clock_stood=pause.suspended_ns > 0,
         )
         self._wheels.paused(pause.until_ns)
+        if stopped:
+            self._limiter.halt()
+            self._wheels.stopped_by_guard(pause.until_ns)
         self._waited_ns = pause.until_ns + WAITED_NS
         self._events.report(
             Event(
@@ -64,7 +92,7 @@ class Pauses:
                 message=(
                     f"yahboomd did not run for {pause.duration_s:.1f} s (stopped, frozen, starved "
                     "or suspended): commands that waited are discarded, unless a stamp shows "
-                    "that they are new."
+                    f"that they are new.{GUARD_STOPPED if stopped else ''}"
                 ),
                 data={"duration_s": round(pause.duration_s, 3)},
             )

@@ -161,10 +161,6 @@ def without_age(words: str) -> str:
     return _AGE.sub("", words)
 
 
-GUARDED_NS = 2 * NS_PER_S
-"""The guard ends a daemon that is silent for this long, as the unit's watchdog does."""
-
-
 class Notifier:
     """Reports to the service manager, if there is one."""
 

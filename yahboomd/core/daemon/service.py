@@ -22,7 +22,7 @@ from yahboomd.core.daemon.commands import ClockWatch, CommandIntake, PoseIntake
 from yahboomd.core.daemon.control import Controller
 from yahboomd.core.daemon.estop.local_stop import LocalStop
 from yahboomd.core.daemon.planes import Plane, PlaneRequests, Planes
-from yahboomd.core.daemon.process import GUARDED_NS, Notifier, Signals, open_bus
+from yahboomd.core.daemon.process import Notifier, Signals, open_bus
 from yahboomd.core.daemon.publisher import PUBLISHED, Publisher
 from yahboomd.core.daemon.recorders import Recorders
 from yahboomd.core.daemon.requests import Operator, Services
@@ -177,6 +177,7 @@ class Daemon:
             odometer=box.odometer(assembly.odometer_settings(config)),
             latch=latch,
             outputs=self,
+            guard=self._guard,
         )
         self._controller = controller
         self._clocks = ClockWatch(arbiter.clock_warnings, controller.event)
@@ -234,7 +235,6 @@ class Daemon:
             bus, report=controller.event, bus_lost=controller.bus_lost, changed=self.changed
         ).announce()
         notifier.ready()
-        self._guard.promise()
         gc.freeze()
         fault: BaseException | None = None
         try:
@@ -295,7 +295,6 @@ class Daemon:
             self._guard.standing()
             self._signals.freeze()
             self._notifier.alive()
-            self._guard.promise()
         else:
             self._signals.resume()
             log.error(
@@ -304,15 +303,15 @@ class Daemon:
             )
 
     async def _control(self, controller: Controller, notifier: Notifier) -> NoReturn:
-        feed_ns = min(GUARDED_NS, notifier.watchdog_ns or GUARDED_NS) // 3
+        feed_ns = None if notifier.watchdog_ns is None else notifier.watchdog_ns // 3
         fed_ns = 0
 
         def feed(beat_ns: int) -> None:
             nonlocal fed_ns
-            if beat_ns - fed_ns >= feed_ns:
+            self._guard.promise(controller.promised_ns())
+            if feed_ns is not None and beat_ns - fed_ns >= feed_ns:
                 fed_ns = beat_ns
                 notifier.alive()
-                self._guard.promise()
 
         await controller.run(feed)
 

@@ -270,6 +270,12 @@ class Wheels:
         if self._stop_watch.state == "stopping":
             self._stop_due_ns = now_ns
 
+    def stopped_by_guard(self, now_ns: int) -> None:
+        """Note that the guard sent a stop: no wheel is held against the motion before it."""
+        self._counters["guard_stops"] += 1
+        if not self._released:
+            self.check.command(now_ns, self.zeros)
+
     def measure(
         self,
         stamp_ns: int,

@@ -19,6 +19,7 @@ from yahboomd.core.errors import PortLost
 from yahboomd.core.link.outbox import Answers
 from yahboomd.core.link.port import Port
 from yahboomd.core.link.port_errors import lost
+from yahboomd.core.link.port_guard import PortGuard
 from yahboomd.core.link.start_notices import Notice, StartNotices
 from yahboomd.core.link.stopping import (
     DRAIN_S,
@@ -97,7 +98,6 @@ class Line:
         said: The decoded items of ``unread``.
         ticks: The latest counters.
         streaming: Counts came, and no sign that the board has started since.
-        let_go: The motors are without power: leaving does not brake.
         report: The outcome of the stop, at the end or before.
         heard: A sample of the input.
         counters: The faults, by name.
@@ -144,7 +144,8 @@ class Line:
         self.said: list[Decoded] = []
         self.ticks: Counts | None = None
         self.streaming = False
-        self.let_go = False
+        self._guard = PortGuard()
+        self._let_go = False
         self.report: StopReport | None = None
         self.heard = ReceivedSample(counters=self._framer.counters)
         self.counters: Counter[str] = Counter()
@@ -208,6 +209,23 @@ class Line:
         """Drop old input after this process did not run; the kernel has dropped the rest."""
         self._cut_until_ns = self.clock.now_ns() + CUT_NS
         self.port.drop_input()
+
+    async def share(self, guard: PortGuard, dialect: Dialect) -> bool:
+        """Write no motion behind a stop of the guard; returns whether that has the port."""
+        self._guard = guard
+        self.writer.stopped = lambda: guard.stopped
+        guard.let_go(self._let_go)
+        return await guard.watches(dialect, self.clock)
+
+    @property
+    def let_go(self) -> bool:
+        """Whether the motors are without power: leaving does not brake."""
+        return self._let_go
+
+    @let_go.setter
+    def let_go(self, without_power: bool) -> None:
+        self._let_go = without_power
+        self._guard.let_go(without_power)
 
     async def ask(self, frame: bytes, answered: Answers, timeout_s: float) -> bool:
         """Send one frame and wait for its answer; return whether it came."""

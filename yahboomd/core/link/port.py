@@ -208,8 +208,11 @@ class SerialPort(asyncio.Protocol):
         device = identify(os.fstat(self._fd))
         note = PortNote(**msgspec.structs.asdict(options), device=device, pid=os.getpid())
         self._guard = guard
-        guard.share(self._fd, note)
+        guard.share(self, note)
         return note
+
+    def fileno(self) -> int:
+        return self._fd
 
     @property
     def pending(self) -> int:

@@ -4,6 +4,10 @@ The guard is a process of its own (:mod:`yahboomd.tools.port.guard`) that shares
 stop needs no port to be opened. The kernel's lock belongs to what both share, so that this process
 closes its port only once the guard has closed it, too.
 
+This process promises to be here again in a moment, in each control step. If the promise lapses the
+guard stops the wheels, and from then on this process writes no motion until it has acknowledged
+that stop by its number.
+
 What the two say is in :mod:`~yahboomd.core.link.guard_words`.
 """
 
@@ -18,11 +22,14 @@ import socket
 import subprocess
 import termios
 from collections.abc import Callable, Sequence
+from typing import Protocol
 
 from yahboomd.core.clock import Clock, nanoseconds, sleep_until
 from yahboomd.core.link import guard_words as words
 from yahboomd.core.link import port_note
 from yahboomd.core.link.port_note import PortNote
+from yahboomd.core.link.promise import Promise, memory
+from yahboomd.core.protocol.dialect import Dialect
 
 log = logging.getLogger(__name__)
 
@@ -39,14 +46,41 @@ UNGUARDED = (
     "wheels. End yahboomd and start it again to be guarded."
 )
 
-StartGuard = Callable[[], tuple["subprocess.Popen[bytes]", socket.socket]]
+FAR_MS = 10**15
+"""A promise without an end: this process is starting, or ending."""
+
+NS_PER_MS = 1_000_000
+
+SEEN_MS = 500
+"""The period at which a guard is seen to be there."""
+
+StartGuard = Callable[[int], tuple["subprocess.Popen[bytes]", socket.socket]]
+
+
+def stops_of(dialect: Dialect) -> tuple[bytes, bytes]:
+    """The guard's stops: zero speed, and the surest; from any state of the board's parser."""
+    return dialect.resync + dialect.brake, dialect.resync + dialect.surest_stop
+
+
+class SharedPort(Protocol):
+    """What a guard's owner needs of the port that it shares."""
+
+    def fileno(self) -> int:
+        """Its descriptor."""
+
+    @property
+    def pending(self) -> int:
+        """Bytes that the kernel did not take yet."""
+
+    def write(self, data: bytes) -> None:
+        """Send; never raises."""
 
 
 class PortGuard:
     """A guard as its owner sees it; without a process behind it every message is dropped.
 
     Args:
-        start: Starts the process; returns it with a socket for packets to it.
+        start: Starts the process on the promise's memory; returns it with a socket for packets.
         renewed: Start another one in place of a guard that ended or does not answer.
     """
 
@@ -55,9 +89,13 @@ class PortGuard:
         self._renewed = renewed
         self._process: subprocess.Popen[bytes] | None = None
         self._channel: socket.socket | None = None
+        self._memory = -1
+        self._promise: Promise | None = None
+        self._port: SharedPort | None = None
         self._fd: int | None = None
         self._note: PortNote | None = None
-        self._stop = b""
+        self._resync = self._stop = b""
+        self._closed_after = 0
         self._answered = False
 
     def begin(self) -> None:
@@ -66,9 +104,13 @@ class PortGuard:
         Raises:
             OSError: It does not start.
         """
-        if self._start is not None:
-            self._process, self._channel = self._start()
-            self._channel.setblocking(False)
+        if self._start is None:
+            return
+        if self._promise is None:
+            self._memory = memory()
+            self._promise = Promise(self._memory)
+        self._process, self._channel = self._start(self._memory)
+        self._channel.setblocking(False)
 
     @property
     def pid(self) -> int | None:
@@ -81,31 +123,29 @@ class PortGuard:
 
     # The port.
 
-    def share(self, fd: int, note: PortNote) -> None:
-        """Share a port that was opened just now.
+    def share(self, port: SharedPort, note: PortNote) -> None:
+        """Share a port that was opened just now, until :meth:`close_port`.
 
         Args:
-            fd: Its descriptor; :meth:`close_port` has to be called before or after it is closed.
             note: The device and how it was opened.
         """
-        self._note, self._stop = note, b""
-        if self._channel is not None:
-            with contextlib.suppress(OSError):
-                # A port that went away is closed before it is known: its number may be another's.
-                self._fd = os.dup(fd)
+        self._port, self._note, self._resync, self._stop = port, note, b"", b""
+        if self._promise is None:
+            return
+        with contextlib.suppress(OSError):
+            # A port that went away is closed before it is known: its number may be another's.
+            self._fd = os.dup(port.fileno())
+        self._promise.until_ms = self._promise.until_ms or FAR_MS
         self._tell_port()
 
-    async def watches(self, stop: bytes, clock: Clock) -> bool:
-        """Whether the guard has the port. Until then no wheel must be commanded.
-
-        Args:
-            stop: Bytes that stop the wheels, from any state of the board's parser.
-        """
-        if self._channel is None:
+    async def watches(self, dialect: Dialect, clock: Clock) -> bool:
+        """Whether the guard has the port of this board. Until then no wheel must be commanded."""
+        self._resync = dialect.resync
+        if self._channel is None or self._fd is None:
             return False
-        self._stop = stop
-        self._tell(words.STOP, stop)
-        expected = b"" if self._fd is None else b"%d" % os.fstat(self._fd).st_rdev
+        self._stop = b" ".join(each.hex().encode() for each in stops_of(dialect))
+        self._tell(words.STOP, self._stop)
+        expected = b"%d" % os.fstat(self._fd).st_rdev
         for _ in range(2):
             until_ns = clock.now_ns() + nanoseconds(ANSWERS_WITHIN_S)
             while (answer := self._answer()) is None and clock.now_ns() < until_ns:
@@ -119,23 +159,24 @@ class PortGuard:
 
     def close_port(self) -> None:
         """Wait until the guard has closed the port: then this process may close or open it."""
-        fd, self._fd = self._fd, None
-        if fd is None:
+        fd, self._fd, self._port = self._fd, None, None
+        if self._promise is None or (fd is None and self._promise.stop == self._closed_after):
+            # Since it closed the port last, there was no stop for which it opened it.
             return
+        self._closed_after, channel = self._promise.stop, self._channel
         self._tell(words.CLOSE)
-        if not self._closed():
+        if channel is not None and channel is self._channel and not self._closed(channel):
             self._replace()
+        if fd is not None:
             # A guard that is being killed may have it a moment longer.
             with contextlib.suppress(OSError):
                 fcntl.flock(fd, fcntl.LOCK_UN)
                 fcntl.ioctl(fd, termios.TIOCNXCL)
-        os.close(fd)
+            os.close(fd)
 
-    def _closed(self) -> bool:
-        if self._channel is None:
-            return False
+    def _closed(self, channel: socket.socket) -> bool:
         poll = select.poll()
-        poll.register(self._channel, select.POLLIN)
+        poll.register(channel, select.POLLIN)
         within_s = CLOSES_WITHIN_S if self._answered else STARTS_WITHIN_S
         while poll.poll(1000.0 * within_s) and (answer := self._answer()):
             if answer == words.CLOSED:
@@ -145,17 +186,59 @@ class PortGuard:
 
     # The wheels.
 
-    def promise(self) -> None:
-        """Promise to be here again in a moment: wheels may turn."""
-        self._tell(words.PROMISE)
+    def promise(self, until_ns: int) -> None:
+        """Promise to be here again until then, and acknowledge the guard's stop, if there was one.
+
+        From now on wheels may turn.
+        """
+        promise, until_ms = self._promise, until_ns // NS_PER_MS
+        if promise is None:
+            return
+        before, promise.until_ms = promise.until_ms, until_ms
+        self._acknowledge(promise)
+        if before == 0 or until_ms < before or until_ms // SEEN_MS != before // SEEN_MS:
+            # The guard sleeps until the promise that it knows lapses; and one that was killed is
+            # noticed by a message to it.
+            self._tell(words.PROMISE)
 
     def ending(self) -> None:
-        """Wheels may turn, and this process is ending: no promise lapses any more."""
-        self._tell(words.ENDING)
+        """This process is ending: no promise lapses any more."""
+        if self._promise is not None and self._promise.until_ms:
+            self._promise.until_ms = FAR_MS
 
     def standing(self) -> None:
         """The wheels were seen to stand, and none is driven before the next promise."""
-        self._tell(words.STANDING)
+        if self._promise is not None:
+            self._promise.until_ms = 0
+            self._acknowledge(self._promise)
+
+    def let_go(self, without_power: bool) -> None:
+        """The last command took the power off the motors: a stop of the guard does not brake."""
+        if self._promise is not None:
+            self._promise.let_go = without_power
+
+    @property
+    def stops(self) -> int:
+        """The number of its newest stop."""
+        return 0 if self._promise is None else self._promise.stop
+
+    @property
+    def stopped(self) -> bool:
+        """Whether it stopped the wheels, which is not acknowledged: no motion must be written."""
+        promise = self._promise
+        return promise is not None and promise.stop != promise.acknowledged
+
+    def _acknowledge(self, promise: Promise) -> None:
+        stop, port = promise.stop, self._port
+        if stop == promise.acknowledged:
+            return
+        if port is not None:
+            if not port.pending:
+                # The guard may have written half a frame, which would swallow the next one.
+                port.write(self._resync)
+            if port.pending:
+                return
+        promise.acknowledged = stop
 
     # The end.
 

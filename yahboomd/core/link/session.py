@@ -138,7 +138,7 @@ class Session:
         dialect = found.for_profile(options.profile)
         line.understand(dialect, spacing_ns=dialect.totals_spacing_ns)
         if self._guard is not None:
-            await self._guard.watches(dialect.resync + dialect.surest_stop, self._clock)
+            await line.share(self._guard, dialect)
         await handshake.await_reports(line, dialect)
         settings = await handshake.read_settings(line, dialect, options.profile.settings)
         identity = Identity(dialect=dialect, settings=settings)

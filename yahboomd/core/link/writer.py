@@ -61,6 +61,7 @@ class Writer:
         spacing: As given; the dialect's own, once it is known.
         resync: Sent before each speed and stop: half a frame left in the board swallows this.
         closed: Nothing is written: the last frames are the line's.
+        stopped: Whether the guard stopped the wheels, so that no motion is written.
         on_sent: Called with its lane when a frame is written to the port.
         on_slow: Called once, with the bytes per second, if the port sends slower than its rate.
     """
@@ -92,6 +93,7 @@ class Writer:
         self._slowness_reported = False
         self._held = False
         self.closed = False
+        self.stopped: Callable[[], bool] = lambda: False
         self.resync = b""
         self.poll_heard_ns = 0
         self._unanswered: deque[int] = deque(maxlen=UNANSWERED)
@@ -285,9 +287,11 @@ class Writer:
             outgoing = self._outbox.take(now_ns, busy=busy, asking=asking)
             if outgoing is None:
                 break
-            frame = outgoing.frame
-            if outgoing.lane in (FrameLane.STOP, FrameLane.VELOCITY):
-                frame = self.resync + frame
+            if outgoing.lane is FrameLane.VELOCITY and self.stopped():
+                self.counters["velocities_withheld"] += 1
+                continue
+            commands = outgoing.lane in (FrameLane.STOP, FrameLane.VELOCITY)
+            frame = self.resync + outgoing.frame if commands else outgoing.frame
             end_ns = now_ns + len(frame) * self._port.byte_ns
             self._port.write(frame)
             self._output.wrote(len(frame), now_ns)

@@ -21,15 +21,15 @@ class Charge(NamedTuple):
 
     Attributes:
         channel: The descriptor of its socket to the owner.
+        promise: The descriptor of the promise's memory.
         owner: The owner's process, the parent of the guard.
-        lease_s: How long each promise lasts.
         kills: An owner whose promise lapses is killed.
         folder: The folder of the owner's note of its port; empty for none.
     """
 
     channel: int
+    promise: int
     owner: int
-    lease_s: float
     kills: bool = False
     folder: str = ""
 
@@ -39,9 +39,14 @@ class Charge(NamedTuple):
 
 
 def start(
-    lease_s: float, *, kills: bool = False, folder: str = ""
+    promise: int, *, kills: bool = False, folder: str = ""
 ) -> tuple[Popen[bytes], socket.socket]:
     """Start a guard of this process; returns it, and a socket for packets to it.
+
+    Args:
+        promise: The descriptor of the promise's memory.
+        kills: The guard kills this process if a promise lapsed long ago.
+        folder: Where the note of the port is.
 
     Raises:
         OSError: It does not start.
@@ -51,7 +56,7 @@ def start(
 
     ours, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with its:
-        charge = Charge(its.fileno(), os.getpid(), lease_s, kills, folder)
+        charge = Charge(its.fileno(), promise, os.getpid(), kills, folder)
         try:
             process = subprocess.Popen(  # noqa: S603 - a script of this package
                 [
@@ -60,7 +65,7 @@ def start(
                 ],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
-                pass_fds=(its.fileno(),),
+                pass_fds=(its.fileno(), promise),
                 # Protects it from Ctrl-C and from a terminal that hangs up.
                 start_new_session=True,
             )

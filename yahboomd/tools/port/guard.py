@@ -28,6 +28,7 @@ if __name__ == "__main__":
 from yahboomd.core.link import guard_words as words
 from yahboomd.core.link import port_note
 from yahboomd.core.link.port_note import PortNote
+from yahboomd.core.link.promise import Promise
 from yahboomd.core.link.seize import Seized, stop_again
 from yahboomd.tools.port import guard_law as law
 from yahboomd.tools.port.charge import Charge
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
     from yahboomd.core.link.takeover import TakeoverReport
 
 KILLED = (
-    "yahboomd (pid {pid}) was frozen or starved for {lease:g} s, and was killed. To drive, start "
+    "yahboomd (pid {pid}) was frozen or starved for {lapse:g} s, and was killed. To drive, start "
     "it again."
 )
 ENDED = "yahboomd (pid {pid}) ended and left wheels that may turn."
@@ -49,7 +50,7 @@ SAID_AFTER_S = (1.0, 10.0)
 SAID_EVERY_S = 60.0
 
 FAR_MS = 10**15
-"""A promise without an end: the owner is starting, or ending."""
+"""The owner of a tool's guard is not killed: a person ends it."""
 
 NEVER_MS = 60_000
 """A poll without an end: the longest that poll(2) needs."""
@@ -60,15 +61,16 @@ _HELD_BACK = (errno.EAGAIN, errno.EINTR, errno.ETIMEDOUT)
 class Guard:
     """Carries out the guard's decisions."""
 
-    def __init__(self, charge: Charge, channel: socket.socket) -> None:
+    def __init__(self, charge: Charge, channel: socket.socket, promise: Promise) -> None:
         self._charge = charge
         self._channel = channel
         self._owner = -1
-        self._limits = law.Limits(kill_after=0 if charge.kills else FAR_MS)
-        self._state = law.State()
+        self._promise = promise
+        self._limits = law.Limits() if charge.kills else law.Limits(kill_after=FAR_MS)
+        self._state = law.State(stop=promise.stop)
         self._note: PortNote | None = None
         self._seized: Seized | None = None
-        self._stop = b""
+        self._brake = self._surest = b""
         self._why = ENDED
         self._trouble: Exception | TakeoverReport | None = None
         self._outcome = ""
@@ -118,6 +120,7 @@ class Guard:
                 # Without a free descriptor the kernel drops the owner's.
                 self._say_to_owner(b"0")
             self._read(*message.partition(b" ")[::2], *fds)
+        self._read_promise()
         if ended:
             if self._seized is not None:
                 self._seized = self._seized._replace(spoken_ns=time.monotonic_ns())
@@ -125,32 +128,35 @@ class Guard:
             self._take(law.Ended())
 
     def _read(self, name: bytes, value: bytes, fd: int | None = None) -> None:
-        state = self._state
         if name == words.PORT:
             self._note = note = port_note.note_of(value)
             if note is not None and fd is not None:
                 self._close()
                 self._seized = Seized(fd, note.path, note.baudrate, time.monotonic_ns())
-                self._stop = b""
+                self._brake = self._surest = b""
                 self._take(law.Shared())
-            if not state.turning:
-                self._take(law.Renewed(FAR_MS))
         elif name == words.STOP:
-            self._stop = value
+            self._brake, self._surest = (bytes.fromhex(each.decode()) for each in value.split())
         elif name == words.CLOSE:
             self._take(law.CloseAsked())
-        elif name == words.PROMISE:
-            self._take(law.Acknowledged(state.stop))
-            self._take(law.Renewed(_now_ms() + round(1000.0 * self._charge.lease_s)))
-        elif name == words.ENDING and state.turning:
-            self._take(law.Renewed(FAR_MS))
-        elif name == words.STANDING:
+
+    def _read_promise(self) -> None:
+        # The owner renews its promise before it acknowledges a stop.
+        acknowledged, until_ms = self._promise.acknowledged, self._promise.until_ms
+        state = self._state
+        if until_ms and (until_ms != state.until or not state.turning):
+            self._take(law.Renewed(until_ms))
+        elif state.turning and not until_ms:
             self._take(law.Standing())
+        if not state.acknowledged:
+            self._take(law.Acknowledged(acknowledged))
 
     # What the machine decides.
 
     def _take(self, event: law.Event) -> None:
         self._state, actions = law.step(self._state, event, _now_ms(), self._limits)
+        # The owner knows of a stop before that is on the wire.
+        self._promise.stop = self._state.stop
         for action in actions:
             answer = self._carry_out(action)
             if answer is not None:
@@ -165,7 +171,7 @@ class Guard:
                 words.CLOSED if seized is None else b"%d" % os.fstat(seized.fd).st_rdev
             )
         elif action in {"send zero", "send surest"}:
-            return self._send()
+            return self._send(self._brake if action == "send zero" else self._surest)
         elif action == "open":
             return self._open()
         elif action == "look":
@@ -180,11 +186,11 @@ class Guard:
             self._end()
         return None
 
-    def _send(self) -> law.Event | None:
+    def _send(self, frames: bytes) -> law.Event | None:
         assert self._seized is not None
         try:
-            if self._stop:
-                os.write(self._seized.fd, self._stop)
+            if frames:
+                os.write(self._seized.fd, self._surest if self._promise.let_go else frames)
             else:
                 stop_again(self._seized)
         except OSError as error:
@@ -202,7 +208,8 @@ class Guard:
             self._trouble = error
         else:
             return law.Opened(ours=True)
-        if time.monotonic() - self._asked_s >= ASK_S:
+        ended = self._state.owner == "ended"
+        if ended and time.monotonic() - self._asked_s >= ASK_S:
             self._asked_s = time.monotonic()
             if found := last_stop.connected_daemon(last_stop.path_of(self._note)):
                 self._outcome = found
@@ -249,7 +256,7 @@ class Guard:
     # What a person hears.
 
     def _explained_why(self) -> str:
-        return self._why.format(pid=self._charge.owner, lease=self._charge.lease_s)
+        return self._why.format(pid=self._charge.owner, lapse=self._limits.kill_after / 1000.0)
 
     def _tell(self) -> None:
         """Say what keeps it from its end."""
@@ -284,4 +291,4 @@ if __name__ == "__main__":
         name.write("yahboomd-guard")
     last_stop.ignore_signals()
     _charge = Charge.of(sys.argv[1])
-    Guard(_charge, socket.socket(fileno=_charge.channel)).serve()
+    Guard(_charge, socket.socket(fileno=_charge.channel), Promise(_charge.promise)).serve()

@@ -10,7 +10,6 @@ import asyncio
 import contextlib
 import os
 from collections.abc import AsyncIterator, Callable
-from functools import partial
 
 from yahboomd.core.config import Config
 from yahboomd.core.errors import BoardError, PortLost, YahboomdError
@@ -20,7 +19,7 @@ from yahboomd.core.link.port_guard import ENDS_WITHIN_S, PortGuard
 from yahboomd.core.protocol.dialect import Dialect
 from yahboomd.tools.port import charge
 
-LEASE_S = 0.6
+PROMISED_NS = 600_000_000
 """A little longer than a pulse; after it the guard stops the wheels, whatever the tool does."""
 
 PLUG_IN = (
@@ -56,7 +55,7 @@ class GuardedPort:
         self._line = line
         self._port = line.port
         self._serial = config.serial
-        self._guard = PortGuard(partial(charge.start, LEASE_S), renewed=False)
+        self._guard = PortGuard(charge.start, renewed=False)
         self.turning = False
 
     async def watch_over(self, dialect: Dialect) -> None:
@@ -78,7 +77,7 @@ class GuardedPort:
         with contextlib.suppress(OSError):
             self._guard.begin()
             port.share(self._guard, options)
-            if await self._guard.watches(dialect.resync + dialect.surest_stop, self._line.clock):
+            if await self._line.share(self._guard, dialect):
                 self._guard.standing()
                 return
         raise BoardError(
@@ -95,7 +94,10 @@ class GuardedPort:
         self.turning = turning
         if not isinstance(self._port, SerialPort):
             return
-        self._guard.promise() if turning else self._guard.standing()
+        if turning:
+            self._guard.promise(self._line.clock.now_ns() + PROMISED_NS)
+        else:
+            self._guard.standing()
         if self._guard.gone:
             raise BoardError(
                 "The process that stops the wheels after a crash has ended: no motor is turned."
