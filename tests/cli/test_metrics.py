@@ -27,7 +27,8 @@ def test_every_number_of_a_real_status_is_on_the_page(
     client: Callable[..., Client],
     exporter: Callable[..., Exporter],
 ) -> None:
-    robot = real_robot()
+    # A page of a busy machine takes longer than a command lasts.
+    robot = real_robot(run=["--set", "command.timeout_s=30.0"])
     page = exporter("--connect", robot.endpoint)
     application = client("client", robot.endpoint)
     application.in_state("standing")
