@@ -267,7 +267,8 @@ async def test_a_port_that_was_closed_is_free_whatever_its_guard_does(
     free = os.open(options.path, os.O_RDWR | os.O_NOCTTY)
     fcntl.flock(free, fcntl.LOCK_EX | fcntl.LOCK_NB)
     os.close(free)
-    assert (guard.pid != first) is frozen
+    # A starved guard may answer too late, too, and is replaced.
+    assert guard.pid != first or not frozen
     assert holders(options.path) == ()
 
 

@@ -20,6 +20,7 @@ from yahboomd.core.model import NS_PER_S
 from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.simulation.motors import FAULTS, MotorFaults, joined
 from yahboomd.simulation.options import FOUR_WHEELS
+from yahboomd.simulation.rosmaster.rosmaster_flash import RosmasterStored
 from yahboomd.simulation.virtual_time import on_virtual_time
 from yahboomd.tools.port.board_questions import read_counters
 from yahboomd.tools.port.pulses import LONGEST_S, SHOWN_TURNS, STEPS, Pulse, Pulses
@@ -86,6 +87,17 @@ async def shown(pulses: Pulses, position: int) -> Pulse:
     """The pulse that turned a wheel, after a person saw that weaker ones did not."""
     pulse = await pulses.turn(position)
     return pulse if pulse.turns >= SHOWN_TURNS else await pulses.turn_stronger(position)
+
+
+@pytest.mark.parametrize("car_type", [0, 3])
+@on_virtual_time
+async def test_a_wheel_of_a_board_that_ignores_a_cut_is_stopped(car_type: int) -> None:
+    board = LinkBench(dialect="rosmaster", flash=RosmasterStored(car_type=car_type))
+    async with pulses_on(board) as (pulses, _):
+        pulse = await pulses.turn(1)
+        while pulse.turns < SHOWN_TURNS:
+            pulse = await pulses.turn_stronger(1)
+        assert max(map(abs, board.rim_speeds)) < 0.03
 
 
 @pytest.mark.parametrize("dialect", ["streamed", "rosmaster"])

@@ -16,6 +16,9 @@ STAND_WITHIN_S = 3.0
 REPEAT_NS = 100_000_000
 LOOK_NS = 10_000_000
 
+OBEYED_NS = 500_000_000
+"""A wheel that still turns after this time may be one of a board that ignores a cut."""
+
 HELD_UP_NS = 100_000_000
 """A wait that ends this late means that the process did not run."""
 
@@ -26,12 +29,13 @@ def cut(line: Line, dialect: Dialect) -> None:
 
 
 async def counts_at_rest(
-    line: Line, let_go: Callable[[], None], *, still_ticks_per_s: float, check: Callable[[], None]
+    line: Line, dialect: Dialect, *, still_ticks_per_s: float, check: Callable[[], None]
 ) -> Counts | None:
-    """Wait until every wheel stands; the counters then, or None if one does not.
+    """Cut until every wheel stands; the counters then, or None if one does not.
+
+    A Rosmaster of some car types ignores a cut: half a second later it gets the surest stop.
 
     Args:
-        let_go: Lets the motors go; is called every 0.1 s.
         still_ticks_per_s: Below it a wheel counts as standing.
         check: Raises what ends the wait; is called at each look.
     """
@@ -45,7 +49,10 @@ async def counts_at_rest(
         if now_ns >= end_ns:
             return None
         if now_ns >= again_ns:
-            let_go()
+            if now_ns - begun_ns < OBEYED_NS:
+                cut(line, dialect)
+            else:
+                line.writer.stop((dialect.surest_stop,) * CUTS)
             again_ns = now_ns + REPEAT_NS
         await sleep_until(clock, now_ns + LOOK_NS)
         # Time in which this process did not run is no proof of a turning wheel.

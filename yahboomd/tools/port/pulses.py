@@ -391,7 +391,7 @@ class Pulses:
         line = self._line
         counts = await counts_at_rest(
             line,
-            self._cut,
+            self._dialect,
             still_ticks_per_s=STILL_TICKS_PER_S,
             check=lambda: self._check_reset(motors, resets),
         )

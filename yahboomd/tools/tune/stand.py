@@ -412,7 +412,7 @@ class Stand:
         """Wait until every wheel stands; return the counters then."""
         line = self._line
         counts = await counts_at_rest(
-            line, self._cut, still_ticks_per_s=STILL_TICKS_PER_S, check=lambda: None
+            line, self.dialect, still_ticks_per_s=STILL_TICKS_PER_S, check=lambda: None
         )
         if counts is None:
             if self._clock.now_ns() - self._heard_ns > SILENT_NS:
