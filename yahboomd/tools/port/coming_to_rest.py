@@ -49,10 +49,8 @@ async def counts_at_rest(
         if now_ns >= end_ns:
             return None
         if now_ns >= again_ns:
-            if now_ns - begun_ns < OBEYED_NS:
-                cut(line, dialect)
-            else:
-                line.writer.stop((dialect.surest_stop,) * CUTS)
+            early = now_ns - begun_ns < OBEYED_NS
+            line.writer.stop(((early and dialect.cut) or dialect.surest_stop,) * CUTS)
             again_ns = now_ns + REPEAT_NS
         await sleep_until(clock, now_ns + LOOK_NS)
         # Time in which this process did not run is no proof of a turning wheel.

@@ -359,7 +359,7 @@ class Pulses:
                     then_ns, then = now_ns, turns
                 await self._counted(end_ns)
         finally:
-            self._cut()
+            cut(line, dialect)
         ended = self._turns(before)
         if ended < MOVED_TURNS:
             await sleep_until(clock, clock.now_ns() + nanoseconds(UNSEEN_S * _effect(share)))
@@ -374,9 +374,6 @@ class Pulses:
         assert ticks is not None
         steps = (unwrapped(new - old) for new, old in zip(ticks, before, strict=True))
         return max(map(abs, steps)) / self._ticks
-
-    def _cut(self) -> None:
-        cut(self._line, self._dialect)
 
     def _check_reset(self, motors: str, resets: int) -> None:
         if self._line.heard.resets != resets:
