@@ -143,6 +143,21 @@ def test_the_holder_goes_on_after_its_own_silence(arbiter: Arbiter) -> None:
     assert arbiter.current(S).since_ns == 0
 
 
+@pytest.mark.parametrize(
+    ("twist", "left_ns", "named"),
+    [(FORWARD, S, "cmd_vel"), (STANDSTILL, S, None), (FORWARD, 2 * S, None)],
+    ids=["it drove", "it stood", "its command was over"],
+)
+def test_after_the_last_client_left_the_one_that_drove_is_named(
+    arbiter: Arbiter, twist: Twist2d, left_ns: int, named: str | None
+) -> None:
+    arbiter.offer("cmd_vel", twist, S - MS)
+    arbiter.forget_commands(left_ns, clients_left=True)
+    decision = arbiter.current(left_ns + MS)
+    assert (decision.twist, decision.why) == (STANDSTILL, "no_command")
+    assert (decision.source, decision.age_ns) == (named, MS if named else None)
+
+
 def test_a_freed_robot_says_since_when_and_who_was_last(arbiter: Arbiter) -> None:
     arbiter.offer("cmd_vel", FORWARD, 0)
     stand(arbiter, 2 * S)
