@@ -18,12 +18,11 @@ from yahboomd.core.link.stopping import (
     stop_unidentified,
 )
 from yahboomd.core.protocol.dialect import Totals
-from yahboomd.core.protocol.four_channel.framing import RESYNC
+from yahboomd.core.protocol.four_channel.framing import RESYNC, LineFramer
 from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.simulation.motors import MotorFaults
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
-from yahboomd.simulation.rosmaster.rosmaster_flash import RosmasterStored
 from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 
 MS = 1_000_000
@@ -32,15 +31,12 @@ MS = 1_000_000
 class Scene:
     """A robot that somebody left driving."""
 
-    def __init__(
-        self, dialect: str, line: Line | None = None, flash: RosmasterStored | None = None
-    ) -> None:
-        options = SimulationOptions(dialect=dialect, flash=flash)  # type: ignore[arg-type]
-        self.robot = SimulatedRobot(options)
+    def __init__(self, dialect: str, line: Line | None = None) -> None:
+        self.robot = SimulatedRobot(SimulationOptions(dialect=dialect))  # type: ignore[arg-type]
         self.port = QueueingPort(self.robot, line or Line())
         self.dialect = DIALECTS[dialect]
         self.watch = StandstillWatch(190.0)
-        self.framer = self.dialect.framer()
+        self.framer = LineFramer()
         self.deaf = False
         self.late: list[bytes] | None = None
         self.port.listen(self.data, lambda _: None)
@@ -102,22 +98,6 @@ async def test_a_wheel_that_does_not_obey_the_brake_is_cut() -> None:
     assert report.took_s > STAND_WITHIN_S
     await asyncio.sleep(1.0)
     assert max(scene.speeds) < 0.05
-
-
-@pytest.mark.parametrize("car_type", [0, 3])
-@on_virtual_time
-async def test_motors_that_were_let_go_stop_on_a_rosmaster_whose_car_type_ignores_a_cut(
-    car_type: int,
-) -> None:
-    scene = Scene("rosmaster", flash=RosmasterStored(car_type=car_type))
-    full = scene.dialect.outputs((scene.dialect.most_output,) * 4, {})
-    for frame in (*scene.dialect.arm, full):
-        scene.port.write(frame)
-        await asyncio.sleep(1.0)
-    assert min(scene.speeds) > 0.1
-    report = await bring_to_rest(scene.port, LoopClock(), scene.dialect, scene.watch, let_go=True)
-    assert report.stood
-    assert max(scene.speeds) < 0.03
 
 
 @pytest.mark.cases(2)

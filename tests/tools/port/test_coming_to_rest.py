@@ -13,7 +13,7 @@ from yahboomd.core.link.stopping import StandstillWatch
 from yahboomd.core.model import NS_PER_S, Counts
 from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
-from yahboomd.tools.port.coming_to_rest import CUTS, STAND_WITHIN_S, counts_at_rest, cut
+from yahboomd.tools.port.coming_to_rest import CUTS, STAND_WITHIN_S, counts_at_rest
 
 
 class Wheels:
@@ -43,7 +43,7 @@ class Wheels:
         try:
             return await counts_at_rest(
                 line,
-                lambda: cut(line, DIALECTS["streamed"]),
+                DIALECTS["streamed"],
                 still_ticks_per_s=100.0,
                 check=check,
             )

@@ -229,7 +229,7 @@ async def bring_to_rest(
         let_go: The motors are without power already: a brake would start the board's speed loop
             again, and there may have been a reason to release them.
     """
-    brake = dialect.surest_stop if let_go else dialect.brake
+    brake = (dialect.cut or dialect.brake) if let_go else dialect.brake
     words = _LastWords(port, clock, within_s=GIVE_UP_S)
     start_ns = clock.now_ns()
     watch.reset()
