@@ -60,7 +60,7 @@ def pytest_configure(config: pytest.Config) -> None:
     Without it, every process of a test gets as little as each process that the machine is busy
     with, and a daemon does not run for seconds at a time.
     """
-    if hasattr(config, "workerinput"):
+    if hasattr(config, "workerinput") and os.getsid(0) != os.getpid():
         os.setsid()
         # Of a session the kernel takes this value for its priority, not those of its processes.
         with suppress(OSError):
