@@ -18,7 +18,7 @@ CONFIG = "/etc/yahboomd/config.toml"
 
 @pytest.fixture
 def package(bench: Bench, tmp_path: Path) -> Iterator[str]:
-    """The older package, installed as the only one that ever was; its path inside."""
+    """Install the older package on a machine that had no newer one; its path there."""
     machine = bench.machine
     prepared = package_of_environment()
     assert prepared is not None
