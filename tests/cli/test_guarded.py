@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import tty
 from collections.abc import Iterator
 
@@ -57,9 +56,10 @@ async def test_without_the_guard_no_wheel_is_driven(path: str) -> None:
         await guard.watch_over(DIALECTS["streamed"])
         guard.mark(True)
         guard.mark(False)
-        assert guard._guard.pid is not None
-        os.kill(guard._guard.pid, signal.SIGKILL)
-        guard._guard._process.wait()
+        process = guard._guard._process
+        assert process is not None
+        process.kill()
+        process.wait()
         with pytest.raises(BoardError, match="no motor is turned"):
             guard.mark(True)
     port.close()

@@ -8,6 +8,7 @@ import os
 import resource
 import select
 import signal
+import socket
 import subprocess
 import sys
 import tty
@@ -20,7 +21,7 @@ from yahboomd.core.clock import SystemClock
 from yahboomd.core.link import port_note
 from yahboomd.core.link.port import PortOptions, open_port
 from yahboomd.core.link.port_errors import holders
-from yahboomd.core.link.port_guard import ENDS_WITHIN_S, PortGuard
+from yahboomd.core.link.port_guard import ENDS_WITHIN_S, UNSURE, PortGuard
 from yahboomd.core.link.port_identity import identify
 from yahboomd.core.link.port_note import PortNote
 from yahboomd.core.model import NS_PER_S
@@ -53,7 +54,7 @@ for mark in sys.argv[3]:
         assert asyncio.run(guard.watches(DIALECTS["streamed"], SystemClock()))
     else:
         guard.promise(time.monotonic_ns() + 600_000_000) if mark == "+" else guard.standing()
-print(guard.pid, flush=True)
+print(guard._process.pid, flush=True)
 time.sleep(60)
 """
 
@@ -202,12 +203,16 @@ def guard() -> Iterator[PortGuard]:
     made.dismiss()
 
 
+def pid_of(guard: PortGuard) -> int | None:
+    return None if guard._process is None else guard._process.pid
+
+
 async def test_a_guard_without_a_free_descriptor_does_not_watch_and_another_one_does(
     port: Ends, guard: PortGuard
 ) -> None:
     clock, options = SystemClock(), PortOptions(path=port.note.path)
     os.close(port.fd)
-    first, opened = guard.pid, await open_port(options, clock)
+    first, opened = pid_of(guard), await open_port(options, clock)
     opened.share(guard, options)
     assert await guard.watches(DIALECT, clock)
     opened.close()
@@ -216,8 +221,30 @@ async def test_a_guard_without_a_free_descriptor_does_not_watch_and_another_one_
     again = await open_port(options, clock)
     again.share(guard, options)
     assert await guard.watches(DIALECT, clock)
-    assert guard.pid != first
+    assert pid_of(guard) != first
     again.close()
+
+
+async def test_where_no_guard_has_the_port_that_is_said(
+    port: Ends, caplog: pytest.LogCaptureFixture
+) -> None:
+    ends: list[socket.socket] = []
+
+    def without_the_port(_promise: int) -> tuple[subprocess.Popen[bytes], socket.socket]:
+        own, end = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        end.send(b"0")
+        ends.append(end)
+        return subprocess.Popen(["sleep", "60"]), own
+
+    guard = PortGuard(without_the_port)
+    guard.begin()
+    guard.share(Raw(port.fd), port.note)
+    assert not await guard.watches(DIALECT, SystemClock())
+    assert caplog.messages[-1] == UNSURE
+    guard.dismiss()
+    for end in ends:
+        end.close()
+    os.close(port.fd)
 
 
 @pytest.mark.parametrize("let_go", [False, True])
@@ -259,7 +286,7 @@ async def test_a_port_that_was_closed_is_free_whatever_its_guard_does(
     opened = await open_port(options, clock)
     opened.share(guard, options)
     assert await guard.watches(DIALECT, clock)
-    first = guard.pid
+    first = pid_of(guard)
     assert first is not None
     if frozen:
         os.kill(first, signal.SIGSTOP)
@@ -268,7 +295,7 @@ async def test_a_port_that_was_closed_is_free_whatever_its_guard_does(
     fcntl.flock(free, fcntl.LOCK_EX | fcntl.LOCK_NB)
     os.close(free)
     # A starved guard may answer too late, too, and is replaced.
-    assert guard.pid != first or not frozen
+    assert pid_of(guard) != first or not frozen
     assert holders(options.path) == ()
 
 
@@ -299,7 +326,7 @@ async def test_a_port_that_went_away_is_let_go_and_a_dismissed_guard_ends(
     port: Ends, guard: PortGuard
 ) -> None:
     assert port.note.device is not None
-    pid, away = guard.pid, port.note._replace(device=port.note.device._replace(node="gone"))
+    pid, away = pid_of(guard), port.note._replace(device=port.note.device._replace(node="gone"))
     guard.share(Raw(port.fd), away)
     guard.promise(SystemClock.now_ns() + NS_PER_S)
     guard.close_port()

@@ -46,6 +46,10 @@ UNGUARDED = (
     "wheels. End yahboomd and start it again to be guarded."
 )
 
+UNSURE = (
+    "No guard has confirmed the port: if this process is killed or freezes, wheels may turn on."
+)
+
 FAR_MS = 10**15
 """A promise without an end: this process is starting, or ending."""
 
@@ -113,10 +117,6 @@ class PortGuard:
         self._channel.setblocking(False)
 
     @property
-    def pid(self) -> int | None:
-        return None if self._process is None else self._process.pid
-
-    @property
     def gone(self) -> bool:
         """Whether there is no guard any more."""
         return self._start is not None and self._channel is None
@@ -155,6 +155,8 @@ class PortGuard:
                 return True
             # It may have no free descriptor, and not know that it lost the port.
             self._replace()
+        if self._renewed and not self.gone:
+            log.warning("%s", UNSURE)
         return False
 
     def close_port(self) -> None:
@@ -311,17 +313,14 @@ class PortGuard:
 
     def _replace(self) -> None:
         self.dismiss()
-        # One that never answered would not do so the next time.
         if not self._renewed:
             return
-        if not self._answered:
+        # One that never answered would not do so the next time.
+        if self._answered:
+            self._answered = False
+            with contextlib.suppress(OSError):
+                self.begin()
+                log.warning("The guard has ended, or does not answer: another one was started.")
+                self._tell_port()
+        if self.gone:
             log.warning("%s", UNGUARDED)
-            return
-        self._answered = False
-        try:
-            self.begin()
-        except OSError:
-            log.warning("%s", UNGUARDED)
-            return
-        log.warning("The guard has ended, or does not answer: another one was started.")
-        self._tell_port()
