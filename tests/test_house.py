@@ -113,7 +113,9 @@ def test_suites_that_a_target_leaves_out_are_there() -> None:
         assert [each for each in suites[1].split() if not (ROOT / "tests" / each).exists()] == []
 
 
-SAFETY = (ROOT / "docs" / "safety.md").read_text()
+SAFETY = "".join((ROOT / "docs" / name).read_text() for name in ("safety.md", "odometry.md"))
+"""Faults, and those of the pose."""
+
 TESTS = "\n".join(
     path.read_text()
     for folder in (ROOT / "tests", *ROOT.glob("extras/*/tests"))
@@ -152,7 +154,9 @@ def rows() -> list[list[str]]:
     return found
 
 
-@pytest.mark.parametrize(("page", "least"), [("safety.md", 50), ("security.md", 20)])
+@pytest.mark.parametrize(
+    ("page", "least"), [("safety.md", 50), ("security.md", 20), ("odometry.md", 10)]
+)
 def test_every_test_that_a_page_on_safety_or_security_names_exists(page: str, least: int) -> None:
     named = set(re.findall(r"`(test_\w+)`", (ROOT / "docs" / page).read_text()))
     assert len(named) > least
