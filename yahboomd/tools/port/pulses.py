@@ -327,7 +327,8 @@ class Pulses:
         unseen_s = self.limit_s(share) if limit_s is None else limit_s
         # The counters lag behind the wheels by this time.
         age_s = seconds(self._dialect.sample_period_ns or 0)
-        rolls_s = ROLLS_S + age_s
+        # Until the next counts it turns on: the phase of the counters is not known.
+        rolls_s = ROLLS_S + 2.0 * age_s
         line, clock, dialect = self._line, self._clock, self._dialect
         output = round(share * dialect.most_output)
         each = [output * signs.get(position, 0) for position in range(1, CHANNELS + 1)]
