@@ -34,12 +34,12 @@ def test_the_path_for_a_reader_is_there_and_can_be_read_in_a_day() -> None:
 MOST_CODE = {
     "blackbox": 1202,
     "cli": 5032,
-    "client": 1910,
+    "client": 1908,
     "core": 17210,
     "moves": 2074,
     "ros2": 1230,
     "simulation": 3152,
-    "tools": 11657,
+    "tools": 11622,
     "web": 3333,
 }
 """The lines of code of each door. They only shrink: a commit that raises one gives the reason, and

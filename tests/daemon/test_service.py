@@ -28,7 +28,7 @@ from yahboomd.core.daemon.logs import PatientHandler
 from yahboomd.core.daemon.planes import Plane
 from yahboomd.core.daemon.publisher import PUBLISHED
 from yahboomd.core.daemon.service import Daemon
-from yahboomd.core.model import STANDING_M_S
+from yahboomd.core.standstill import STANDING_M_S
 from yahboomd.ros2.ros2_plane import Ros2Plane
 from yahboomd.simulation.memory import MemoryPort
 from yahboomd.simulation.robot import SimulatedRobot

@@ -184,7 +184,7 @@ async def test_a_port_that_goes_away_ends_what_waits_at_once() -> None:
             talk = await Conversation.begin(line)
             asyncio.get_running_loop().call_later(0.05, lambda: board.robot.unplug(board.now_ns))
             asked_ns = board.now_ns
-            await talk.request(b"$nothing#", lambda _said: False, 5.0)
+            await talk.line.ask(b"$nothing#", lambda _said: False, 5.0)
 
     with pytest.raises(PortLost, match="went away"):
         await ask()

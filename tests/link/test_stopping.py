@@ -11,18 +11,18 @@ from kernel_queue import Line, QueueingPort
 
 from yahboomd.core.link import stopping
 from yahboomd.core.link.stopping import (
-    STAND_WITHIN_S,
-    StandstillWatch,
     StopReport,
     bring_to_rest,
     stop_unidentified,
 )
 from yahboomd.core.protocol.dialect import Totals
-from yahboomd.core.protocol.four_channel.framing import RESYNC, LineFramer
+from yahboomd.core.protocol.four_channel.framing import RESYNC
 from yahboomd.core.protocol.registry import DIALECTS
+from yahboomd.core.standstill import STAND_WITHIN_S, CountedStandstill
 from yahboomd.simulation.motors import MotorFaults
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
+from yahboomd.simulation.rosmaster.rosmaster_flash import RosmasterStored
 from yahboomd.simulation.virtual_time import LoopClock, on_virtual_time
 
 MS = 1_000_000
@@ -31,12 +31,15 @@ MS = 1_000_000
 class Scene:
     """A robot that somebody left driving."""
 
-    def __init__(self, dialect: str, line: Line | None = None) -> None:
-        self.robot = SimulatedRobot(SimulationOptions(dialect=dialect))  # type: ignore[arg-type]
+    def __init__(
+        self, dialect: str, line: Line | None = None, flash: RosmasterStored | None = None
+    ) -> None:
+        options = SimulationOptions(dialect=dialect, flash=flash)  # type: ignore[arg-type]
+        self.robot = SimulatedRobot(options)
         self.port = QueueingPort(self.robot, line or Line())
         self.dialect = DIALECTS[dialect]
-        self.watch = StandstillWatch(190.0)
-        self.framer = LineFramer()
+        self.watch = CountedStandstill(190.0)
+        self.framer = self.dialect.framer()
         self.deaf = False
         self.late: list[bytes] | None = None
         self.port.listen(self.data, lambda _: None)
@@ -100,6 +103,22 @@ async def test_a_wheel_that_does_not_obey_the_brake_is_cut() -> None:
     assert max(scene.speeds) < 0.05
 
 
+@pytest.mark.parametrize("car_type", [0, 3])
+@on_virtual_time
+async def test_motors_that_were_let_go_stop_on_a_rosmaster_whose_car_type_ignores_a_cut(
+    car_type: int,
+) -> None:
+    scene = Scene("rosmaster", flash=RosmasterStored(car_type=car_type))
+    full = scene.dialect.outputs((scene.dialect.most_output,) * 4, {})
+    for frame in (*scene.dialect.arm, full):
+        scene.port.write(frame)
+        await asyncio.sleep(1.0)
+    assert min(scene.speeds) > 0.1
+    report = await bring_to_rest(scene.port, LoopClock(), scene.dialect, scene.watch, let_go=True)
+    assert report.stood
+    assert max(scene.speeds) < 0.03
+
+
 @pytest.mark.cases(2)
 @pytest.mark.parametrize("at_ms", range(10, 70, 10))
 @on_virtual_time
@@ -160,7 +179,7 @@ async def test_without_counts_nothing_is_claimed_and_the_motors_are_let_go() -> 
     report = await scene.rest()
     assert report.stood is None
     assert report.cut
-    assert report.brakes >= 5
+    assert sum(scene.dialect.brake in data for _, data in scene.port.written) >= 5
 
 
 @on_virtual_time
@@ -307,7 +326,7 @@ async def test_a_port_that_stalls_again_while_late_counts_deny_the_standstill_is
 
 
 def test_nothing_is_said_before_a_whole_window_was_seen() -> None:
-    watch = StandstillWatch(190.0)
+    watch = CountedStandstill(190.0)
     watch.add((0, 0, 0, 0), 0)
     watch.add((0, 0, 0, 0), 40 * MS)
     assert watch.speed is None
@@ -315,14 +334,14 @@ def test_nothing_is_said_before_a_whole_window_was_seen() -> None:
 
 
 def test_equal_counts_across_the_window_are_standstill() -> None:
-    watch = StandstillWatch(190.0)
+    watch = CountedStandstill(190.0)
     for ms in range(0, 100, 10):
         watch.add((5, 5, 5, 5), ms * MS)
     assert watch.standing
 
 
 def test_one_turning_wheel_is_enough_to_deny_it() -> None:
-    watch = StandstillWatch(190.0)
+    watch = CountedStandstill(190.0)
     for ms in range(0, 100, 10):
         watch.add((5, 5, -ms, 5), ms * MS)
     assert watch.speed is not None
@@ -331,7 +350,7 @@ def test_one_turning_wheel_is_enough_to_deny_it() -> None:
 
 
 def test_a_wrap_of_the_counter_is_no_motion() -> None:
-    watch = StandstillWatch(190.0)
+    watch = CountedStandstill(190.0)
     for ms in range(0, 100, 10):
         ticks = 2**31 - 1 if ms < 50 else -(2**31)
         watch.add((ticks, 0, 0, 0), ms * MS)
@@ -339,7 +358,7 @@ def test_a_wrap_of_the_counter_is_no_motion() -> None:
 
 
 def test_forgetting_restarts_the_window() -> None:
-    watch = StandstillWatch(190.0)
+    watch = CountedStandstill(190.0)
     for ms in range(0, 100, 10):
         watch.add((0, 0, 0, 0), ms * MS)
     watch.reset()

@@ -23,7 +23,7 @@ from truth_tail import Tail
 from zenoh_fixtures import free_endpoint
 
 from benchmarks import rig
-from yahboomd.core.model import STANDING_M_S
+from yahboomd.core.standstill import STANDING_M_S
 from yahboomd.simulation.truth import TruthSample
 
 PATIENCE_S = 60.0

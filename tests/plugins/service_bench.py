@@ -10,7 +10,7 @@ from pathlib import Path
 
 from nspawn_machine import Machine, wait_until
 
-from yahboomd.core.model import STANDING_M_S
+from yahboomd.core.standstill import STANDING_M_S
 from yahboomd.simulation.truth import TruthSample, read_truth
 
 SERVICE = "yahboomd.service"

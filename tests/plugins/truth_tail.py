@@ -12,7 +12,7 @@ from typing import IO, Generic, TypeVar
 
 import msgspec
 
-from yahboomd.core.model import STANDING_M_S
+from yahboomd.core.standstill import STANDING_M_S
 from yahboomd.simulation.heard import HostBytes
 from yahboomd.simulation.truth import TruthSample
 

@@ -12,7 +12,7 @@ import pytest
 from real_robot import RealRobot, wait_for
 
 from yahboomd.client import NoDaemon, PoseSample, Refused, Robot
-from yahboomd.core.model import STANDING_M_S
+from yahboomd.core.standstill import STANDING_M_S
 
 pytestmark = pytest.mark.realtime
 

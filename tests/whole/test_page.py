@@ -18,7 +18,7 @@ from web_site import Page
 from websockets.asyncio.client import connect
 from zenoh_fixtures import PATIENCE_S, eventually
 
-from yahboomd.core.model import STANDING_M_S
+from yahboomd.core.standstill import STANDING_M_S
 
 pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("page")]
 

@@ -33,8 +33,9 @@ from yahboomd.core.bus.subscriptions import Arrival
 from yahboomd.core.clock import Clock, SystemClock, seconds, timeout
 from yahboomd.core.errors import BusError, NoDaemon
 from yahboomd.core.messages.native import StatusSample, WheelsSample
-from yahboomd.core.model import STANDING_M_S, STANDING_READINGS, Twist2d
+from yahboomd.core.model import Twist2d
 from yahboomd.core.names import name_problem
+from yahboomd.core.standstill import Standstill
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -289,15 +290,12 @@ class AsyncRobot(NewestSamples, RobotMoves):
             Whether they do; False if they still turn after ``within_s`` seconds, or no samples of
             them come.
         """
-        slow = 0
+        standstill = Standstill()
         stream = self.samples(WheelsSample)
         try:
             async with timeout(within_s):
                 async for sample in stream:
-                    speeds = [abs(speed) for speed in sample.speed_m_s]
-                    stands = bool(speeds) and max(speeds) < STANDING_M_S
-                    slow = slow + 1 if stands else 0
-                    if slow >= STANDING_READINGS:
+                    if standstill.measure(sample.stamp_ns, sample.speed_m_s):
                         return True
         except TimeoutError:
             pass

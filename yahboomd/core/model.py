@@ -12,12 +12,6 @@ import msgspec
 
 NS_PER_S = 1_000_000_000
 
-STANDING_M_S = 0.03
-"""Wheels measured slower than this stand."""
-
-STANDING_READINGS = 3
-"""Consecutive ones that must show it: one may have been on its way when the stop was sent."""
-
 Counts: TypeAlias = tuple[int, int, int, int]
 """One integer for each position of the board, 1 to 4 (M1..M4, the article's A..D)."""
 

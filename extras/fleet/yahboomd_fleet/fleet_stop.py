@@ -7,8 +7,8 @@ from collections.abc import Iterable, Sequence
 import msgspec
 
 from yahboomd.core.messages.native import ServiceReply
-from yahboomd.core.model import STANDING_M_S
 from yahboomd.core.program import plain
+from yahboomd.core.standstill import STANDING_M_S
 
 STAND_WITHIN_S = 3.0
 """Wheels that still turn this long after the acknowledgement are reported as turning."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import itertools
 import json
 import os
 import resource
@@ -20,6 +21,9 @@ from yahboomd.core.daemon.estop import local_stop
 from yahboomd.core.daemon.estop.local_socket import Listening
 from yahboomd.core.daemon.estop.local_stop import MAX_SILENT, MAX_WATCHING, LocalStop
 from yahboomd.core.messages.native import ServiceReply
+
+STAMPS_NS = itertools.count(0, 15_000_000)
+"""Three readings prove that wheels stand."""
 
 pytestmark = pytest.mark.realtime
 
@@ -86,7 +90,7 @@ async def test_a_stop_is_acknowledged_and_then_the_standing_wheels_are_reported(
     first = json.loads(await reader.readline())
     assert first == {"engaged": True, "sent": True, "message": "Engaged."}
     for speed in (0.3, 0.01, 0.2, 0.01, -0.01, 0.02):
-        robot.local.observe((speed, -speed))
+        robot.local.observe(next(STAMPS_NS), (speed, -speed))
     last = json.loads(await reader.readline())
     assert last == {"stood": True, "fastest_m_s": 0.02, "why": "At rest."}
     assert await reader.read() == b""
@@ -101,10 +105,10 @@ async def test_another_program_on_the_local_socket_is_not_called_yahboomd_stop(
 ) -> None:
     asking = asyncio.create_task(robot.ask(b"stop\n"))
     await until_watched(robot)
-    robot.local.observe((0.0,))
+    robot.local.observe(next(STAMPS_NS), (0.0,))
     assert robot.engaged_by[0].startswith("the local socket (")
     for _ in range(3):
-        robot.local.observe((0.0,))
+        robot.local.observe(next(STAMPS_NS), (0.0,))
     await asking
 
 
@@ -116,7 +120,7 @@ async def test_wheels_that_are_not_seen_to_stand_are_not_said_to(
     asking = asyncio.create_task(robot.ask(b"stop\n"))
     await until_watched(robot)
     if speed is not None:
-        robot.local.observe((speed,))
+        robot.local.observe(next(STAMPS_NS), (speed,))
     _, last = await asking
     assert last["stood"] is (None if speed is None else False)
     assert last["fastest_m_s"] == speed
@@ -175,7 +179,7 @@ async def test_connections_that_send_nothing_lock_no_client_out(
     # Two more may have made room for those that asked.
     assert 0 <= robot.local.status_values()["local_dropped"] - 4 * MAX_SILENT <= 2
     for _ in range(3):
-        robot.local.observe((0.0,))
+        robot.local.observe(next(STAMPS_NS), (0.0,))
     assert (await asking)[1]["stood"]
     for _, writer in silent:
         writer.close()
@@ -210,7 +214,7 @@ async def test_a_flood_of_stops_is_acknowledged_and_bounded(
         assert json.loads(await reader.readline())["engaged"]
     assert len(robot.local._tasks) == MAX_WATCHING
     for _ in range(3):
-        robot.local.observe((0.0,))
+        robot.local.observe(next(STAMPS_NS), (0.0,))
     for reader, writer in connections:
         await reader.read()
         writer.close()
@@ -330,7 +334,7 @@ async def test_a_stop_is_obeyed_with_all_descriptors_taken_and_so_is_the_next(
                 await asyncio.sleep(0)
             await until_watched(robot)
             for _ in range(3):
-                robot.local.observe((0.0, 0.0))
+                robot.local.observe(next(STAMPS_NS), (0.0, 0.0))
             while robot.local._tasks:
                 await asyncio.sleep(0)
     assert robot.local.status_values()["local_dropped"] == 0

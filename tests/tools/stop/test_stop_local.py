@@ -55,8 +55,8 @@ class Daemon:
         return f"Engaged by {by}."
 
     def _read(self) -> None:
-        for _ in range(3):
-            self.local.observe((self._speed or 0.0,))
+        for stamp_ns in (0, 15_000_000, 30_000_000):
+            self.local.observe(stamp_ns, (self._speed or 0.0,))
 
     async def _acknowledged(self, words: str) -> ServiceReply:
         return ServiceReply(success=True, message=words)

@@ -28,11 +28,11 @@ from yahboomd.core.link.port_guard import PortGuard
 from yahboomd.core.link.port_note import PortNote
 from yahboomd.core.link.session import Session, SessionOptions
 from yahboomd.core.link.tap import NO_TAP, Tap
-from yahboomd.core.model import STANDING_M_S
 from yahboomd.core.odometry.heading import CALIBRATED
 from yahboomd.core.odometry.odometer import Odometer, OdometerSettings
 from yahboomd.core.program import release_command
 from yahboomd.core.protocol.profiles import TYPES
+from yahboomd.core.standstill import STANDING_M_S
 
 log = logging.getLogger(__name__)
 

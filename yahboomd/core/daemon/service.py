@@ -352,7 +352,7 @@ class Daemon:
     # Callbacks of the control path (`publisher.Outputs`).
 
     def estimate(self, estimate: OdometryEstimate, command_m_s: tuple[float, ...]) -> None:
-        self._local.observe(estimate.motor_speed_m_s)
+        self._local.observe(estimate.stamp_ns, estimate.motor_speed_m_s)
         publish, call = self._publisher, self._recorders.call
         stamp_ns = call("The pose on the bus", publish.estimate, estimate, command_m_s)
         if stamp_ns is not None:

@@ -16,13 +16,10 @@ from yahboomd.core.drive.faults import Fault
 from yahboomd.core.drive.follow_check import FollowCheck
 from yahboomd.core.drive.kinematics import motor_speeds
 from yahboomd.core.drive.rest import AtRest, Rest
-from yahboomd.core.drive.standing import turning
 from yahboomd.core.drive.stop_watch import StopWatch
 from yahboomd.core.model import Kinematics, Motor
 from yahboomd.core.protocol.dialect import Units
-
-STOP_REPEAT_S = 0.1
-"""The period of the frames of an immediate stop, which go first until the counters obey."""
+from yahboomd.core.standstill import REPEAT_S, turning
 
 WAITED_NS = 100_000_000
 """The time after a pause of this process in which counts arrive that waited."""
@@ -195,7 +192,7 @@ class Wheels:
         if self._stop_due_ns is not None and now_ns >= self._stop_due_ns and not self._released:
             board.brake()
             self._counters["stops_said"] += 1
-            self._stop_due_ns = now_ns + nanoseconds(STOP_REPEAT_S)
+            self._stop_due_ns = now_ns + nanoseconds(REPEAT_S)
         due = watch.state == "stopping"
         doubtful = self.noisy or now_ns < self._held_up_ns + STOP_HELD_UP_NS
         fault = watch.check(now_ns, noisy=doubtful)

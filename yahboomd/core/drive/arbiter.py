@@ -31,10 +31,10 @@ from yahboomd.core.drive.arbitration import (
 )
 from yahboomd.core.drive.command_source import CommandSource
 from yahboomd.core.drive.deadman import OnTimeout
-from yahboomd.core.drive.standing import turning
 from yahboomd.core.drive.windows import SlidingCounts
 from yahboomd.core.errors import ConfigError
 from yahboomd.core.model import STANDSTILL, Twist2d, velocity_problem
+from yahboomd.core.standstill import turning
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -20,7 +20,8 @@ from yahboomd.core.counts import SELDOM, SELDOM_NS, CountHistory, slowest
 from yahboomd.core.drive.faults import Fault
 from yahboomd.core.drive.loop_law import LoopLaw, loop_law
 from yahboomd.core.drive.wheel_follower import GAP_NS, SILENCE, Step, WheelFollower
-from yahboomd.core.model import NS_PER_S, STANDING_M_S
+from yahboomd.core.model import NS_PER_S
+from yahboomd.core.standstill import STANDING_M_S
 
 RESTING = 20
 """After this number of readings without a count, earlier ones no longer matter."""

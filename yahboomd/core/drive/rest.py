@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from yahboomd.core.drive.faults import Fault
+from yahboomd.core.standstill import HUNTS_M
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
 AtRest: TypeAlias = Literal["auto", "hold", "release"]
 
 STOOD_NS = 2_000_000_000
-STANDS_M = 0.002
-"""Held wheels hunt: by up to 8 counts on the vendor's firmware, which are 1.3 mm."""
 ROLLED_M = 0.005
 ROLLS_OUT_S = 0.3
 """Wheels that are let go in motion roll no farther than their speed takes them in this time."""
@@ -72,7 +71,7 @@ class Rest:
                 ticks, self._from or ticks, self._metres_per_tick, self._motors, strict=True
             )
         )
-        if not self._from or (farthest_m > STANDS_M and not self.free):
+        if not self._from or (farthest_m > HUNTS_M and not self.free):
             self._since_ns, self._from = stamp_ns, list(ticks)
             self.lets_go = False
         elif not self.free:

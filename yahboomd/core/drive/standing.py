@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from yahboomd.core.drive.arbitration import Decision
 from yahboomd.core.drive.holds import BOARD_UNFIT, FAULT, WAITING_FOR_BOARD, Hold
-from yahboomd.core.model import STANDING_M_S
 from yahboomd.core.names import source_words
+from yahboomd.core.standstill import STANDING_M_S, turning
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -23,10 +23,6 @@ State: TypeAlias = Literal["waiting", "standing", "driving", "stopping", "estopp
 
 SLOW_RAD_S = 0.1
 """A base that turns slower than this seems to stand."""
-
-
-def turning(measured_m_s: Sequence[float]) -> bool:
-    return any(abs(speed) >= STANDING_M_S for speed in measured_m_s)
 
 
 def reasons(

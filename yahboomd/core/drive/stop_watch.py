@@ -15,18 +15,16 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from yahboomd.core.counts import slowest
 from yahboomd.core.drive.faults import Fault
-from yahboomd.core.drive.standing import turning
-from yahboomd.core.model import NS_PER_S, STANDING_M_S
+from yahboomd.core.model import NS_PER_S
+from yahboomd.core.standstill import PROVEN_NS, STAND_WITHIN_S, STANDING_M_S, Standstill, turning
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
 StopState: TypeAlias = Literal["idle", "stopping", "stopped", "overdue"]
 
-STAND_WITHIN_NS = 600_000_000
+STAND_WITHIN_NS = round(STAND_WITHIN_S * NS_PER_S)
 
-# Two readings at the slowest sensible poll rate, several at the usual rates.
-SETTLED_NS = 30_000_000
 # Under the board's loop an obedient wheel has lost far more than this of its speed within 0.6 s.
 SLOWED = 0.7
 # A wheel that was let go is slowed by its friction alone.
@@ -52,7 +50,7 @@ class StopWatch:
         self._motors = tuple(motors)
         self._begun_ns = 0
         self._judged_ns: int | None = 0
-        self._still_ns: int | None = None
+        self._standstill = Standstill()
         self._cut_ns: int | None = None
         self._measured_ns = 0
         self._latest: deque[tuple[float, ...]] = deque(maxlen=2)
@@ -64,7 +62,7 @@ class StopWatch:
             return
         self.state = "stopping"
         self._begun_ns = self._judged_ns = now_ns
-        self._still_ns = self._cut_ns = None
+        self._standstill.since_ns = self._cut_ns = None
         self._latest.clear()
         self._fastest = (0.0,) * len(self._motors)
 
@@ -95,11 +93,7 @@ class StopWatch:
             math.inf if stopping and not turning(speeds) else max(fastest, abs(speeds[-1]))
             for fastest, speeds in zip(self._fastest, zip(*self._latest, strict=True), strict=True)
         )
-        if turning(measured_m_s):
-            self._still_ns = None
-        elif self._still_ns is None:
-            self._still_ns = stamp_ns
-        elif stamp_ns - self._still_ns >= SETTLED_NS:
+        if self._standstill.measure(stamp_ns, measured_m_s):
             self.state = "stopped"
         return self.state
 
@@ -120,14 +114,15 @@ class StopWatch:
             return self._after_cut(now_ns)
         if now_ns - self._judged_ns < STAND_WITHIN_NS:
             return None
-        if self._still_ns is not None and now_ns - self._still_ns < 2 * SETTLED_NS:
+        still_ns = self._standstill.since_ns
+        if still_ns is not None and now_ns - still_ns < 2 * PROVEN_NS:
             # They stand, and the reading that proves it is on its way.
             return None
         again = self.state == "overdue"
         slowed = ROLLS_OUT if again else SLOWED
         self.state = "overdue"
         silent = len(self._latest) < 2 or now_ns - self._measured_ns > SILENT_NS
-        if silent or self._still_ns is not None or (noisy and not again):
+        if silent or still_ns is not None or (noisy and not again):
             # Earlier motion proves nothing. Others notice a board that stays silent, as in a dip of
             # its supply.
             self._judge_later(now_ns)

@@ -23,7 +23,8 @@ import msgspec
 from yahboomd.core.counts import slowest
 from yahboomd.core.drive.faults import Action, Fault, FaultKind
 from yahboomd.core.drive.loop_law import LoopLaw, loop_law
-from yahboomd.core.model import NS_PER_S, STANDING_M_S
+from yahboomd.core.model import NS_PER_S
+from yahboomd.core.standstill import STANDING_M_S
 
 SLOWEST_LAG_S = 0.4
 RESTING_M_S = 0.001

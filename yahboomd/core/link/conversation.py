@@ -10,7 +10,6 @@ from typing import Self
 
 from yahboomd.core.link import handshake
 from yahboomd.core.link.line import Line
-from yahboomd.core.link.outbox import Answers
 from yahboomd.core.link.stopping import StopReport
 from yahboomd.core.protocol.dialect import Dialect
 from yahboomd.core.protocol.settings import BoardSettings
@@ -37,10 +36,6 @@ class Conversation:
         dialect = await handshake.identify(line, stop_first=stop_first)
         line.understand(dialect, spacing_ns=dialect.spacing_ns)
         return cls(line, dialect)
-
-    async def request(self, frame: bytes, answered: Answers, timeout_s: float) -> bool:
-        """Send one frame and wait for its answer; return whether it came."""
-        return await self.line.ask(frame, answered, timeout_s)
 
     async def read_settings(self, expected: BoardSettings) -> BoardSettings | None:
         """The settings that the board stores; None for a dialect that stores nothing.

@@ -23,7 +23,6 @@ from yahboomd.core.link.port_guard import PortGuard
 from yahboomd.core.link.start_notices import Notice, StartNotices
 from yahboomd.core.link.stopping import (
     DRAIN_S,
-    StandstillWatch,
     StopReport,
     bring_to_rest,
     stop_unidentified,
@@ -43,10 +42,7 @@ from yahboomd.core.protocol.dialect import (
     Unrecognised,
 )
 from yahboomd.core.protocol.registry import DIALECTS, connect_spacing_ns
-
-STILL_TICKS_PER_S = 100.0
-"""Below it a wheel counts as standing if no wheel is configured: six counts in the watch's
-window, at most 25 mm/s at the rim with any of the vendor's gears that has an encoder."""
+from yahboomd.core.standstill import STILL_TICKS_PER_S, CountedStandstill
 
 NOISY_DAMAGES = 5
 NOISY_NS = 10_000_000_000
@@ -137,7 +133,7 @@ class Line:
             resend_ns=self._resend_ns,
             spacing=Spacing(frame_ns=connect_spacing_ns()),
         )
-        self.watch = StandstillWatch(still_ticks_per_s)
+        self.watch = CountedStandstill(still_ticks_per_s)
         self.notices = StartNotices()
         self.unread: list[tuple[str, Item]] = []
         self.news = asyncio.Event()
@@ -232,19 +228,26 @@ class Line:
         self._at_rest = False
         return await self.writer.request(frame, answered, timeout_s)
 
-    async def rest(self, dialect: Dialect) -> StopReport:
-        """Bring the wheels to rest and release the motors; streams are off afterwards.
+    async def rest(self, dialect: Dialect, *, leave: bool = True) -> StopReport:
+        """Bring the wheels to rest and release the motors.
 
         If the brake is not obeyed the motors are cut, and watched while they coast.
+
+        Args:
+            leave: Streams are off afterwards; else the line stays in use.
         """
         # A frame that waited for an answer would follow the stop.
         self.writer.closed = True
-        self.report = await bring_to_rest(
-            self.port, self.clock, dialect, self.watch, let_go=self.let_go
+        if not leave:
+            # A cut that waits would delay the next command.
+            self.writer.stop(())
+        report = await bring_to_rest(
+            self.port, self.clock, dialect, self.watch, let_go=self.let_go, leave=leave
         )
         self.writer.closed = self._leaving
-        self._at_rest = True
-        return self.report
+        if leave:
+            self.report, self._at_rest = report, True
+        return report
 
     @property
     def lost(self) -> bool:

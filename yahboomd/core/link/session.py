@@ -23,6 +23,7 @@ from yahboomd.core.link.stopping import StopReport
 from yahboomd.core.link.tap import NO_TAP, Tap
 from yahboomd.core.model import NS_PER_S, Event
 from yahboomd.core.protocol.profiles import PROFILES, MotorProfile
+from yahboomd.core.standstill import STILL_TICKS_PER_S
 
 
 class SessionOptions(msgspec.Struct, frozen=True, kw_only=True):
@@ -40,7 +41,7 @@ class SessionOptions(msgspec.Struct, frozen=True, kw_only=True):
     dialect: str = "auto"
     poll_rate_hz: float = 50.0
     resend_s: float = 0.1
-    still_ticks_per_s: float = 190.0
+    still_ticks_per_s: float = STILL_TICKS_PER_S
     profile: MotorProfile = PROFILES["520"]
     battery_period_s: float = 5.0
 

@@ -164,7 +164,7 @@ async def _store_one(
         said: list[Decoded] = []
         # A board sends its settings twice, on two ports; lost gains make a long line of them.
         await sleep_until(clock, clock.now_ns() + talk.dialect.spacing_ns)
-        await talk.request(write.frame, _answers(write, said), write.timeout_s)
+        await talk.line.ask(write.frame, _answers(write, said), write.timeout_s)
         answer = _words(said) or answer
         if restarts:
             await _started(talk, clock)
@@ -191,7 +191,7 @@ async def _started(talk: Conversation, clock: Clock) -> None:
     def answered(said: Decoded) -> bool:
         return isinstance(said, VersionLine) and not said.after_reset
 
-    while not await talk.request(question, answered, START_LOOK_S):
+    while not await talk.line.ask(question, answered, START_LOOK_S):
         if clock.now_ns() >= until_ns:
             return
 

@@ -49,27 +49,20 @@ async def take_over(port: Port, clock: Clock, *, spoken_ns: int | None = None) -
     began_ns = clock.now_ns() if spoken_ns is None else spoken_ns
     line = Line(port, clock)
     async with line.attended():
+        talk = None
         try:
             talk = await Conversation.begin(line, stop_first=spoken_ns is None)
         except BoardSilent:
             # It may receive although it does not answer: once more, besides the one at leaving.
             await stop_unidentified(port, clock)
-            return TakeoverReport(
-                port=port.name,
-                dialect=None,
-                stood=None,
-                cut=False,
-                within_s=seconds(clock.now_ns() - began_ns),
-                heard=line.heard,
-            )
-        rest_ns = clock.now_ns()
-        report = await talk.rest()
+        within_s = seconds(clock.now_ns() - began_ns)
+        report = None if talk is None else await talk.rest()
         return TakeoverReport(
             port=port.name,
-            dialect=talk.dialect.name,
-            stood=report.stood,
-            cut=report.cut,
-            within_s=seconds(rest_ns - began_ns) + report.took_s,
+            dialect=None if talk is None else talk.dialect.name,
+            stood=None if report is None else report.stood,
+            cut=report is not None and report.cut,
+            within_s=within_s + (0.0 if report is None else report.took_s),
             heard=line.heard,
         )
 

@@ -12,6 +12,7 @@ from yahboomd.core.clock import Clock, PauseWatch, SystemClock, nanoseconds, sec
 from yahboomd.core.errors import NoDaemon, Refused
 from yahboomd.core.messages.native import EventSample, ImuSample, StatusSample, WheelsSample
 from yahboomd.core.model import NS_PER_S
+from yahboomd.core.standstill import HUNTS_M
 from yahboomd.tools.calibrate.estimates.runs import Floats
 from yahboomd.tools.robot.obedience import Obedience
 from yahboomd.tools.terminal.asking import LargestMove
@@ -27,9 +28,6 @@ because a person has put the robot on its mark, and the daemon may be busy."""
 
 REST_NS = NS_PER_S // 2
 """If the counts have not moved within this time, the wheels do not roll any more."""
-
-HUNTS_M = 0.002
-"""A board that holds its wheels may hunt by a few counts: 8 on the vendor's firmware, 1.3 mm."""
 
 STANDS_WITHIN_NS = 20 * NS_PER_S
 

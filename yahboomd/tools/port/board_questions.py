@@ -23,7 +23,7 @@ async def read_battery(talk: Conversation) -> float | None:
 
     if talk.dialect.battery is not None:
         for _ in range(ATTEMPTS):
-            if await talk.request(talk.dialect.battery, answered, BATTERY_WITHIN_S):
+            if await talk.line.ask(talk.dialect.battery, answered, BATTERY_WITHIN_S):
                 return volts[-1]
     return None
 
@@ -40,7 +40,7 @@ async def read_counters(talk: Conversation) -> Counts | None:
     for _ in range(ATTEMPTS):
         # A board that counts unasked gets no question, but the wait is the same.
         for frame in frames or (b"",):
-            if await talk.request(frame, _is_totals, COUNTERS_WITHIN_S):
+            if await talk.line.ask(frame, _is_totals, COUNTERS_WITHIN_S):
                 return talk.line.ticks
     return None
 

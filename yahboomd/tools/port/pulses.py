@@ -21,11 +21,13 @@ import msgspec
 from yahboomd.core.clock import Clock, nanoseconds, seconds, sleep_until
 from yahboomd.core.counts import unwrapped
 from yahboomd.core.errors import BoardError
-from yahboomd.core.link.line import STILL_TICKS_PER_S, Line
+from yahboomd.core.link.line import Line
 from yahboomd.core.model import CHANNELS, Counts
 from yahboomd.core.protocol.dialect import Dialect
 from yahboomd.core.protocol.settings import BoardSettings
-from yahboomd.tools.port.coming_to_rest import counts_at_rest, cut
+
+CUTS = 3
+"""How often each cut is sent, because a frame may be lost."""
 
 LONGEST_S = 0.5
 
@@ -387,24 +389,21 @@ class Pulses:
     async def _standing(self, motors: str, resets: int) -> Counts:
         """Wait until every wheel stands; returns the counters."""
         line = self._line
-        counts = await counts_at_rest(
-            line,
-            self._dialect,
-            still_ticks_per_s=STILL_TICKS_PER_S,
-            check=lambda: self._check_reset(motors, resets),
-        )
-        if counts is None:
-            if line.watch.speed is None:
-                raise BoardError(
-                    f"{line.port.name}: {motors} was let go, and no counts come.",
-                    remedy="Is the cable long or noisy? Try `yahboomd probe`.",
-                )
+        report = await line.rest(self._dialect, leave=False)
+        self._check_reset(motors, resets)
+        if report.stood is None:
+            raise BoardError(
+                f"{line.port.name}: {motors} was let go, and no counts come.",
+                remedy="Is the cable long or noisy? Try `yahboomd probe`.",
+            )
+        if not report.stood:
             raise BoardError(
                 f"{line.port.name}: {motors} was let go, and a wheel turns.",
                 remedy="Take your hands off the wheels. If one turns by itself, switch the "
                 "motors' supply off: its driver may be broken.",
             )
-        return counts
+        assert line.ticks is not None
+        return line.ticks
 
     async def _counted(self, until_ns: int) -> None:
         """Wait for the next counts, at most until ``until_ns``."""
@@ -415,6 +414,11 @@ class Pulses:
             await self._news.wait()
         finally:
             alarm.close()
+
+
+def cut(line: Line, dialect: Dialect) -> None:
+    """Let the motors go before everything else; a dialect without a cut brakes instead."""
+    line.writer.stop((dialect.cut or dialect.brake,) * CUTS)
 
 
 def _effect(share: float) -> float:

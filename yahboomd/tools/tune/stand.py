@@ -26,8 +26,8 @@ from yahboomd.core.model import CHANNELS, NS_PER_S, Counts, EncoderReading, Moto
 from yahboomd.core.protocol.dialect import Dialect, Motion
 from yahboomd.core.protocol.settings import BoardSettings
 from yahboomd.tools.port.board_questions import read_battery, read_counters
-from yahboomd.tools.port.coming_to_rest import counts_at_rest, cut
 from yahboomd.tools.port.guarded import GuardedPort, guarded
+from yahboomd.tools.port.pulses import cut
 from yahboomd.tools.tune import wheel_faults
 from yahboomd.tools.tune.estimates.dead_zone import MOVED_COUNTS, Ramp, RampSample
 from yahboomd.tools.tune.line_faults import LineFault, line_blamed
@@ -119,7 +119,7 @@ class Stand:
             LinkError: The port cannot be opened, or no board answers.
         """
         port = await opener()
-        line = Line(port, clock)
+        line = Line(port, clock, still_ticks_per_s=STILL_TICKS_PER_S)
         async with guarded(line, config, say) as guard, line.attended():
             talk = await Conversation.begin(line)
             dialect = talk.dialect.for_profile(config.profile())
@@ -411,17 +411,16 @@ class Stand:
     async def _stand(self) -> Counts:
         """Wait until every wheel stands; return the counters then."""
         line = self._line
-        counts = await counts_at_rest(
-            line, self.dialect, still_ticks_per_s=STILL_TICKS_PER_S, check=lambda: None
-        )
-        if counts is None:
+        report = await line.rest(self.dialect, leave=False)
+        if not report.stood:
             if self._clock.now_ns() - self._heard_ns > SILENT_NS:
                 raise self._silent()
             raise BoardError(
                 f"{line.port.name}: the motors are cut, and a wheel still turns.",
                 remedy="Switch the supply of the motors off.",
             )
-        return counts
+        assert line.ticks is not None
+        return line.ticks
 
     async def _poll(self, frame: bytes) -> None:
         while True:

@@ -24,8 +24,8 @@ from typing import Any
 from yahboomd.core.bus.blocking import bounded
 from yahboomd.core.daemon.estop.local_socket import Listening, Peer, listen, peer_of
 from yahboomd.core.messages.native import ServiceReply
-from yahboomd.core.model import STANDING_M_S, STANDING_READINGS
 from yahboomd.core.program import readable
+from yahboomd.core.standstill import Standstill
 
 log = logging.getLogger(__name__)
 
@@ -61,16 +61,11 @@ class _Watch:
     def __init__(self) -> None:
         self.standing = asyncio.Event()
         self.fastest_m_s: float | None = None
-        self._slow = 0
+        self._standstill = Standstill()
 
-    @property
-    def stands(self) -> bool:
-        return self._slow >= STANDING_READINGS
-
-    def observe(self, fastest_m_s: float) -> None:
-        self.fastest_m_s = fastest_m_s
-        self._slow = self._slow + 1 if fastest_m_s < STANDING_M_S else 0
-        if self.stands:
+    def observe(self, stamp_ns: int, speeds_m_s: tuple[float, ...]) -> None:
+        self.fastest_m_s = max(map(abs, speeds_m_s))
+        if self._standstill.measure(stamp_ns, speeds_m_s):
             self.standing.set()
 
 
@@ -166,11 +161,9 @@ class LocalStop:
             self._listening.close()
             self._listening = None
 
-    def observe(self, speeds_m_s: tuple[float, ...]) -> None:
-        if self._watches and speeds_m_s:
-            fastest_m_s = max(map(abs, speeds_m_s))
-            for watch in self._watches:
-                watch.observe(fastest_m_s)
+    def observe(self, stamp_ns: int, speeds_m_s: tuple[float, ...]) -> None:
+        for watch in self._watches if speeds_m_s else ():
+            watch.observe(stamp_ns, speeds_m_s)
 
     def status_values(self) -> dict[str, Any]:
         """For the status: the path of the socket, and counts of connections."""
@@ -300,7 +293,7 @@ class LocalStop:
             async with asyncio.timeout(STAND_WITHIN_S):
                 await watch.standing.wait()
         fastest = watch.fastest_m_s
-        stood = None if fastest is None else watch.stands
+        stood = None if fastest is None else watch.standing.is_set()
         _send(sock, stood=stood, fastest_m_s=fastest, why=self._facts().get("why", ""))
 
     def _ended(self, sock: socket.socket, watch: _Watch, task: asyncio.Task[None]) -> None:
