@@ -312,6 +312,11 @@ def stop(robot: RealRobot, *options: str) -> Process:
     return ran
 
 
+def nowhere() -> tuple[str, ...]:
+    """Keep a stop from the machine's own robot at the default endpoint."""
+    return "--set", f'zenoh.listen=["{free_endpoint()}"]', "--set", "zenoh.connect=[]"
+
+
 @contextlib.contextmanager
 def locked_out(robot: RealRobot) -> Iterator[None]:
     """150 silent connections, so that no other Zenoh session opens."""
@@ -393,12 +398,14 @@ def test_after_sigkill_a_plain_stop_finds_the_port_that_only_the_daemon_was_give
         driven(neighbour)
         local_robot.daemon.end(signal.SIGKILL)
         # The daemon that answers beside it is no reason to forget the killed one's board.
-        ran = Process("stop", environ=local_robot.environ)
+        # Its own endpoint keeps it from the machine's robot at the default one.
+        at = ("--set", f'zenoh.listen=["{local_robot.endpoint}"]', "--set", "zenoh.connect=[]")
+        ran = Process("stop", *at, environ=local_robot.environ)
         # 1 where this machine has daemons that it does not reach: it names them.
         assert ran.end_by_itself() in {0, 1}, ran.output
         assert f"{local_robot.port} (streamed board): the wheels stand" in ran.output
         local_robot.settled_truth()
-        neighbour.settled_truth()
+        driven(neighbour)
 
 
 @pytest.mark.nightly
@@ -422,8 +429,7 @@ def test_a_direct_stop_stops_the_killed_daemons_board_and_leaves_a_living_neighb
 def test_a_daemon_with_a_runtime_folder_of_its_own_is_named_with_the_command_that_reaches_it(
     local_robot: RealRobot, tmp_path: Path
 ) -> None:
-    nowhere = ("--set", f'zenoh.listen=["{free_endpoint()}"]', "--set", "zenoh.connect=[]")
-    ran = Process("stop", *nowhere, environ={"RUNTIME_DIRECTORY": str(tmp_path / "other")})
+    ran = Process("stop", *nowhere(), environ={"RUNTIME_DIRECTORY": str(tmp_path / "other")})
     assert ran.end_by_itself() == 69, ran.output
     port = os.path.realpath(local_robot.port)
     assert f"yahboomd (pid {local_robot.daemon.process.pid}) holds {port}" in ran.output
