@@ -99,6 +99,8 @@ NATIVE: dict[str, msgspec.Struct] = {
             driver_since_ns=1_700_000_000_000_000_000,
             since_ns=STAMP_NS - 2_000_000_000,
             why="cmd_vel drives.",
+            wheels="turning",
+            wheels_since_ns=STAMP_NS - 1_500_000_000,
             board={
                 "port": "/dev/ttyUSB0",
                 "dialect": "streamed",

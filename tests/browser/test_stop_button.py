@@ -123,3 +123,53 @@ def test_a_fault_is_named_in_words_and_one_button_clears_it(bench: PageBench, pa
     page.says("#release", "Clear the fault")
     release(bench, page)
     page.says("#state", "standing")
+
+
+def seen(page: Page, selector: str) -> str:
+    """The first words of a box that are inside of it, as far as its height shows them."""
+    words: str = page.evaluate(
+        f"""(() => {{
+            const box = document.querySelector('{selector}');
+            const edge = box.getBoundingClientRect();
+            const walker = document.createTreeWalker(box, NodeFilter.SHOW_TEXT);
+            let found = "";
+            for (let node = walker.nextNode(); node; node = walker.nextNode())
+                for (let at = 0; at < node.length; at += 1) {{
+                    const range = document.createRange();
+                    range.setStart(node, at);
+                    range.setEnd(node, at + 1);
+                    const letter = range.getBoundingClientRect();
+                    if (letter.bottom <= edge.bottom + 1 && letter.right <= edge.right + 1)
+                        found += node.data[at];
+                }}
+            return found;
+        }})()"""
+    )
+    return words
+
+
+MAY_TURN = "The wheels may still turn: switch the motors' supply off."
+
+
+@pytest.mark.parametrize("size", [(390, 844), (844, 390)], ids=["upright", "on-its-side"])
+def test_a_plug_that_is_pulled_in_motion_is_said_as_what_the_wheels_may_do(
+    bench: PageBench, page: Page, size: tuple[int, int]
+) -> None:
+    page.resize(*size, phone=True)
+    bench.press(page)
+    bench.robot.do("unplug 600")
+    try:
+        page.says("#state", "may turn")
+        page.lift()
+        assert bench.is_moving(), "the board drives on"
+        assert seen(page, "#why").startswith(MAY_TURN if size == (390, 844) else MAY_TURN[:25])
+        page.says(".words", "The wheels may still turn")
+        page.tap("#estop")
+        page.says("#estop-text", "attempt 2")
+        assert seen(page, "#estop-text").startswith("Switch the motors' supply off.")
+        assert page.text("#state") == "may turn"
+    finally:
+        bench.robot.do("replug")
+    page.says("#estop-text", "acknowledged the emergency stop")
+    page.says("#state", "emergency stop")
+    release(bench, page)

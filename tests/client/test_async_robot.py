@@ -195,11 +195,11 @@ async def test_a_daemon_of_another_version_is_read(
             # Facts that are known stay, those whose shape is not are left out.
             assert status.link == {**daemon_samples.status().link, "none": None, "deep": ANY}
             assert event.data == {"none": None}
-            assert "The robot does not move. Its state is 'docked'" in caplog.text
+            assert "The robot cannot drive. Its state is 'docked'" in caplog.text
         else:
             assert (status.state, status.driver_since_ns) == ("driving", None)
             assert status.link == status.command == {}
-            assert "does not move" not in caplog.text
+            assert "cannot drive" not in caplog.text
 
 
 async def test_a_callback_is_called_for_each_sample_until_it_is_ended(fake_daemon: Any) -> None:

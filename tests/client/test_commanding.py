@@ -71,7 +71,7 @@ async def test_a_robot_that_will_not_move_says_why(
     async with connect(daemon.endpoint) as robot:
         robot.drive(0.2)
         robot.drive(0.2)
-    assert caplog.text.count("The robot does not move. Left wheel: no counts.") == 1
+    assert caplog.text.count("The robot cannot drive. Left wheel: no counts.") == 1
 
 
 async def test_a_velocity_that_no_robot_has_is_refused_at_once(fake_daemon: Any) -> None:

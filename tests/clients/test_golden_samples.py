@@ -13,7 +13,10 @@ pytestmark = [pytest.mark.realtime, pytest.mark.commands("decode")]
 
 SCHEMAS = Path(__file__).resolve().parents[2] / "schemas"
 MESSAGES = ("PoseSample", "StatusSample", "ServiceReply")
-OPTIONAL = {"board", "link", "command", "bus", "driver_since_ns", "data"}
+OPTIONAL = {"board", "link", "command", "bus", "driver_since_ns", "data"} | {
+    "wheels",
+    "wheels_since_ns",
+}
 """Fields that a program need not print."""
 
 

@@ -116,3 +116,30 @@ async def test_since_is_constant_while_the_state_lasts_and_follows_a_clock_that_
         await bench.drive(0.1, 0.3)
         after = telling.sample()
         assert after.since_ns - samples[0].since_ns == pytest.approx(7.2e12, abs=1e4)
+
+
+@on_virtual_time
+async def test_the_wheels_are_known_by_counts_and_may_turn_where_these_ceased_in_motion(
+    tmp_path: Path,
+) -> None:
+    async with RobotBench(tmp_path) as bench:
+        telling = status(bench)
+        assert telling.sample().wheels is None
+        await bench.ready()
+        assert telling.sample().wheels == "at_rest"
+        await bench.drive(1.0, 0.3)
+        assert telling.sample().wheels == "turning"
+        bench.robot.unplug(bench.clock.now_ns(), 2.0)
+        await bench.until(lambda: bench.controller.state()[0] == "waiting")
+        lost = telling.sample()
+        assert not bench.standing
+        assert lost.wheels == "unknown"
+        assert lost.wheels_since_ns == lost.stamp_ns
+        assert lost.why.startswith("The wheels may still turn: switch the motors' supply off. ")
+        await bench.ready()
+        await bench.until(lambda: telling.sample().wheels == "at_rest")
+        # At rest a lost board alarms no one.
+        bench.robot.unplug(bench.clock.now_ns(), 2.0)
+        await bench.until(lambda: bench.controller.state()[0] == "waiting")
+        assert telling.sample().wheels == "at_rest"
+        assert "may still turn" not in telling.sample().why

@@ -94,18 +94,16 @@ def test_sideways_motion_on_a_base_that_cannot_is_named() -> None:
 
 
 @pytest.mark.parametrize(
-    ("expected", "decision", "latched", "holds", "zero", "measured"),
+    ("expected", "decision", "latched", "holds", "in_motion"),
     [
-        ("standing", Decision(), None, (), True, (0.0, 0.0)),
-        ("standing", Decision(), None, (), True, None),
-        ("driving", DRIVING, None, (), True, (0.0, 0.0)),
-        ("stopping", Decision(), None, (), True, (0.3, 0.3)),
-        ("stopping", Decision(), None, (), False, (0.0, 0.0)),
-        ("standing", DRIVING, None, (held(BOARD_RESET),), True, (0.0, 0.0)),
-        ("stopping", DRIVING, None, (held(BOARD_RESET),), True, (0.0, -0.5)),
-        ("waiting", DRIVING, None, (held(WAITING_FOR_BOARD),), True, None),
-        ("fault", DRIVING, None, (held(WAITING_FOR_BOARD), held(FAULT)), True, (0.5, 0.5)),
-        ("estopped", DRIVING, LATCHED, (held(FAULT),), True, (0.5, 0.5)),
+        ("standing", Decision(), None, (), False),
+        ("driving", DRIVING, None, (), False),
+        ("stopping", Decision(), None, (), True),
+        ("standing", DRIVING, None, (held(BOARD_RESET),), False),
+        ("stopping", DRIVING, None, (held(BOARD_RESET),), True),
+        ("waiting", DRIVING, None, (held(WAITING_FOR_BOARD),), False),
+        ("fault", DRIVING, None, (held(WAITING_FOR_BOARD), held(FAULT)), True),
+        ("estopped", DRIVING, LATCHED, (held(FAULT),), True),
     ],
 )
 def test_the_state_is_the_one_that_most_needs_a_person(
@@ -113,12 +111,9 @@ def test_the_state_is_the_one_that_most_needs_a_person(
     decision: Decision,
     latched: Latched | None,
     holds: tuple[Hold, ...],
-    zero: bool,
-    measured: tuple[float, ...] | None,
+    in_motion: bool,
 ) -> None:
-    found = state_of(
-        decision=decision, latched=latched, holds=holds, commanded_zero=zero, measured_m_s=measured
-    )
+    found = state_of(decision=decision, latched=latched, holds=holds, in_motion=in_motion)
     assert found == expected
 
 

@@ -77,7 +77,7 @@ async def test_no_wheel_is_cut_for_digits_that_were_garbled_on_their_way(
                 await bench.drive(0.5, chance.uniform(-0.35, 0.5), chance.uniform(-2.0, 2.0))
             bench.do("clear")
             await asyncio.sleep(1.0)
-            if bench.controller.faulty:
+            if bench.controller.fault:
                 bench.operator.release_estop()
             await bench.drive(0.5)
         await asyncio.sleep(1.0)
@@ -114,7 +114,7 @@ async def test_a_line_that_just_became_bad_is_blamed_for_a_command_that_lost_a_c
         port.write = write  # type: ignore[method-assign]
         await driving
         assert bench.events("line_noisy")
-        assert not bench.controller.faulty
+        assert not bench.controller.fault
         assert max(bench.rim_speeds) < -0.4
 
 
@@ -155,6 +155,6 @@ async def test_a_true_runaway_on_a_noisy_line_is_cut_all_the_same(
         await bench.until(lambda: bench.controller.counters["cuts"], within_s=1.0)
         assert bench.clock.now_ns() - broken_ns < 250 * MS
         # It may have been the line, and is tried again; not often.
-        await bench.until(lambda: bench.controller.faulty, within_s=6.0)
+        await bench.until(lambda: bench.controller.fault, within_s=6.0)
         assert bench.controller.counters["noisy_cuts"] <= 4
         await driving

@@ -23,7 +23,8 @@ FIELDS = {
     "gyro_variance acceleration_variance gyro_bias_variance theta_variance magnetic_t",
     "BatterySample": "stamp_ns volts",
     "EventSample": "stamp_ns kind severity message wheel data",
-    "StatusSample": "stamp_ns state driver since_ns why board link command bus driver_since_ns",
+    "StatusSample": "stamp_ns state driver since_ns why board link command bus driver_since_ns "
+    "wheels wheels_since_ns",
     "EstopRequest": "engaged by",
     "SetPoseRequest": "x y theta covariance",
     "ServiceReply": "success message data",

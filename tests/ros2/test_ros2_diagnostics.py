@@ -65,6 +65,12 @@ def test_every_state_has_its_level_and_its_reason(
     assert ("since [s]", "12") in base.values
 
 
+def test_wheels_that_may_turn_unseen_are_an_error(diagnostics: Diagnostics) -> None:
+    base = named(diagnostics.of(changed(state="waiting", wheels="unknown")))["base"]
+    assert base.level == ERROR
+    assert ("wheels", "unknown") in base.values
+
+
 def test_all_is_well_with_a_robot_that_stands(diagnostics: Diagnostics) -> None:
     entries = diagnostics.of(FULL)
     assert levels(entries) == (OK, OK, OK, OK)

@@ -179,7 +179,7 @@ class Commands:
         self._repeat()
         status = self._connection.status
         if status is not None and status.state not in DRIVABLE:
-            self._warn(f"The robot does not move. {reason(status)}")
+            self._warn(f"The robot cannot drive. {reason(status)}")
         return True
 
     def stop(self, label: str | None = None) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 from yahboomd.core.messages.native import Group, StatusSample
 from yahboomd.ros2.messages.ros2_encoders import Diagnostic
@@ -46,8 +45,15 @@ class Diagnostics:
         """
         commands = _commands(sample, type_warnings or {})
         facts = {name: fact for name, fact in sample.command.items() if name != "clock_warnings"}
+        base = {
+            "state": sample.state,
+            "wheels": sample.wheels,
+            "driver": sample.driver or "none",
+            "since_s": round(max(0, sample.stamp_ns - sample.since_ns) / 1e9, 1),
+        }
+        level = ERROR if sample.wheels == "unknown" else _LEVELS[sample.state]
         return [
-            self._entry("base", _LEVELS[sample.state], sample.why, _base_facts(sample)),
+            self._entry("base", level, sample.why, base),
             self._entry("board", *self._board(sample), {**sample.board, **sample.link}),
             self._entry("commands", *commands, facts),
             self._entry("bus", *self._bus(sample), sample.bus),
@@ -92,14 +98,6 @@ class Diagnostics:
 def levels(entries: list[Diagnostic]) -> tuple[int, ...]:
     """Facts whose change is published at once, rather than at the next beat."""
     return tuple(entry.level for entry in entries)
-
-
-def _base_facts(sample: StatusSample) -> dict[str, Any]:
-    return {
-        "state": sample.state,
-        "driver": sample.driver or "none",
-        "since_s": round(max(0, sample.stamp_ns - sample.since_ns) / 1e9, 1),
-    }
 
 
 def _commands(sample: StatusSample, type_warnings: Mapping[str, str]) -> tuple[int, str]:

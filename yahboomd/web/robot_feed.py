@@ -165,10 +165,10 @@ class RobotFeed:
         if status is not None and status.state in {"estopped", "fault"}:
             return PageRefusal(
                 why="estop" if status.state == "estopped" else "fault",
-                text=f"The robot does not move. {status.why}",
+                text=f"The robot cannot drive. {status.why}",
             )
         if status is not None and status.state not in STATES:
-            return PageRefusal(why="fault", text=f"The robot does not move. {reason(status)}")
+            return PageRefusal(why="fault", text=f"The robot cannot drive. {reason(status)}")
         if self.barred or not self._publisher.has_subscribers:
             return PageRefusal(why="no_source", text=no_source(self.source))
         return None

@@ -37,6 +37,8 @@ class StatusSample(msgspec.Struct):
     command: dict[str, Any]
     bus: dict[str, Any]
     driver_since_ns: int | None = None
+    wheels: str | None = None
+    wheels_since_ns: int | None = None
 
 
 class ServiceReply(msgspec.Struct):

@@ -18,6 +18,8 @@ export interface StatusSample {
   why: string;
   driver: string | null;
   driver_since_ns: bigint | null;
+  wheels: string | null;
+  wheels_since_ns: bigint | null;
 }
 
 export interface ServiceReply {
@@ -58,12 +60,13 @@ const FIELDS: Record<keyof Messages, Record<string, Check>> = {
   },
   StatusSample: {
     stamp_ns: stamp, since_ns: stamp, why: text, driver_since_ns: optional(stamp),
+    wheels: optional(text), wheels_since_ns: optional(stamp),
     driver: (value) => value === null || text(value),
     state: text,
   },
   ServiceReply: { success: (value) => typeof value === "boolean", message: text, data: optional(map) },
 };
-const STAMPS = ["stamp_ns", "since_ns", "driver_since_ns"];
+const STAMPS = ["stamp_ns", "since_ns", "driver_since_ns", "wheels_since_ns"];
 
 /** The message in a JSON payload; throws where the payload is not that message. */
 export function decode<Name extends keyof Messages>(name: Name, payload: string): Messages[Name] {

@@ -16,6 +16,9 @@ def test_a_daemon_that_vanished_while_it_drove_is_a_warning() -> None:
         assert "supply off" in words
     assert sentences.lost_sight(View(phase="silent", status=daemon.status("standing"))) == ""
     assert sentences.lost_sight(View(phase="waiting")) == ""
+    waiting = daemon.status("waiting", wheels="unknown")
+    assert "supply off" in sentences.lost_sight(View(phase="silent", status=waiting))
+    assert "wheels   unknown" in sentences.status_text(View(phase="live", status=waiting))
 
 
 def test_a_snapshot_holds_everything() -> None:
@@ -53,9 +56,10 @@ def status_lines(status: StatusSample) -> list[str]:
 def test_a_status_is_printed_with_state_reason_driver_and_board() -> None:
     assert status_lines(daemon.status(since_s=2.0, driver_s=3.0)) == [
         "state    driving for 2.0 s",
+        "wheels   not known yet",
         "why      cmd_vel drives.",
         "driver   cmd_vel has control for 3.0 s",
-        "board    streamed 1.7.3 on /dev/ttyUSB0",
+        "board    streamed 1.7.3 on /dev/ttyUSB0, battery unknown",
         "lost     nothing",
         "refused  no command",
     ]

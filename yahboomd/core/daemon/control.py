@@ -67,6 +67,9 @@ PERSONS = (CMD_VEL_TELEOP, CMD_VEL_WEB)
 FASTER, MORE = 1.2, 0.01
 """A command this many times faster, and so much, is worth another try; m/s and rad/s."""
 
+MAY_TURN = "The wheels may still turn: switch the motors' supply off."
+"""The first words while a board is out of reach whose wheels turned when they were last seen."""
+
 DOUBTFUL_S = 0.5
 """The standstill after a cut that may be the line's fault: the wheels roll out meanwhile."""
 
@@ -231,8 +234,8 @@ class Controller:
             and self._wheels.attached
             and not self._holds.has(WAITING_FOR_BOARD)
         ):
-            blind_s = self._blind_s
-            self._wait(f"No counts have come for {blind_s:g} s, and wheels are not driven unseen.")
+            silence = f"No counts have come for {self._blind_s:g} s"
+            self._wait(f"{silence}, and wheels are not driven unseen.")
             self.counters["blind"] += 1
             self._outputs.changed()
 
@@ -293,7 +296,7 @@ class Controller:
         self._limiter.halt()
         if (fault := self._wheels.stand(now_ns, at_once=at_once)) is not None:
             self._report_cut(fault)
-            if fault.certain and (held := self._fault()) is not None:
+            if fault.certain and (held := self.fault) is not None:
                 # Report the newest symptom first, the original cause second.
                 words = f"{fault.message} It was cut because: {held.message}"
                 self._holds.add(Hold(kind=FAULT, message=words, since_ns=now_ns))
@@ -331,7 +334,7 @@ class Controller:
         )
         event = Event(kind="line_noisy", severity="warning", message=words, wheel=fault.motor)
         self.stop_reports.announce(partial(self._stopped, event))
-        self._wheels.restart_check()
+        self._wheels.check.reset()
         # A board that was reset unnoticed has forgotten its motors, and obeys no speed.
         self._wheels.rearm()
         return Hold(
@@ -517,21 +520,18 @@ class Controller:
         return self._wheels.stopped, max(map(abs, measured_m_s))
 
     @property
-    def faulty(self) -> bool:
-        """Whether a fault keeps the robot from moving until a person clears it."""
-        return self._fault() is not None
-
-    def _fault(self) -> Hold | None:
+    def fault(self) -> Hold | None:
+        """The fault that keeps the robot from moving until a person clears it."""
         active = self._holds.active(self._clock.now_ns())
         return next((hold for hold in active if hold.kind == FAULT), None)
 
     def clear_fault(self) -> str | None:
         """Clear a latched fault. Returns its words; ``None`` without one."""
-        if (found := self._fault()) is None:
+        if (found := self.fault) is None:
             return None
         self._holds.drop(FAULT)
         self._resets.clear()
-        self._wheels.restart_check()
+        self._wheels.check.reset()
         # The fault may have been a board that forgot its motors.
         self._wheels.rearm()
         return found.message
@@ -555,6 +555,12 @@ class Controller:
         }
 
     @property
+    def wheels(self) -> str | None:
+        """What is known of the wheels, as `StatusSample.wheels` has it."""
+        unseen = self._wheels.seen == "turning" and self._holds.has(WAITING_FOR_BOARD)
+        return "unknown" if unseen else self._wheels.seen
+
+    @property
     def decision(self) -> Decision:
         return self._decision
 
@@ -566,8 +572,7 @@ class Controller:
             latched=self._latch.latched,
             holds=holds,
             stop_waits=self.stop_reports.waiting,
-            commanded_zero=not any(self._wheels.command_m_s),
-            measured_m_s=self._wheels.measured_m_s,
+            in_motion=self._wheels.in_motion,
         )
         words = standing.reasons(
             now_ns,
@@ -581,4 +586,5 @@ class Controller:
             release=self._options.release,
         )
         words = words or (f"{source_words(self._decision.driver)} drives.",)
-        return state, " ".join([*words, self.battery_watch.words]).rstrip()
+        unseen = MAY_TURN if self.wheels == "unknown" else ""
+        return state, " ".join([unseen, *words, self.battery_watch.words]).strip()

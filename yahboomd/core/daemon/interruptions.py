@@ -165,7 +165,7 @@ class Resets:
         if unmoved or cause in {"reset_unseen", "gap_lost", "rebased"}:
             # A board that was not sent its motors' type turns no wheel: that they stood until now
             # is no fault of theirs.
-            self._wheels.restart_check()
+            self._wheels.check.reset()
             self._wheels.rearm()
 
     def restarted(self, what: str) -> None:
@@ -173,7 +173,7 @@ class Resets:
         in_motion = self._wheels.in_motion
         self._limiter.halt()
         self._wheels.release(now_ns)
-        self._wheels.restart_check()
+        self._wheels.check.reset()
         words = what + (
             " in motion: its motors are free, and it stands a second before it may drive again."
             if in_motion

@@ -138,7 +138,7 @@ class Operator:
             )
             return False, words
         moving = self._arbiter.moving_sources(now_ns)
-        if moving and controller.faulty and not was_engaged:
+        if moving and controller.fault and not was_engaged:
             controller.counters["release_refused"] += 1
             words = (
                 f"The fault stays: {', '.join(moving)} commands motion, or did within the last "

@@ -19,23 +19,29 @@ from yahboomd.core.messages.status_fields import ZEROS
 from yahboomd.core.protocol.settings import VERSION
 
 
-class _Moment:
-    """The Unix time of a moment on the clock that is never set.
+class _Since:
+    """The Unix time since which a fact holds.
 
-    It stays while the moment does: the difference of two clocks that are read one by one jitters,
-    and the wall clock is slewed. If the wall clock was set the moment follows it.
+    It stays while the fact does: the difference of two clocks that are read one by one jitters,
+    and the wall clock is slewed. If the wall clock was set it follows.
     """
 
     def __init__(self) -> None:
-        self._moment_ns: int | None = None
-        self._offset_ns = 0
+        self._fact: object = None
+        self._since_ns = self._offset_ns = 0
 
-    def of(self, moment_ns: int, offset_ns: int) -> int:
-        """The Unix time, where wall time is ``offset_ns`` ahead of monotonic time now."""
-        stepped = abs(offset_ns - self._offset_ns) >= nanoseconds(STEP_S)
-        if moment_ns != self._moment_ns or stepped:
-            self._moment_ns, self._offset_ns = moment_ns, offset_ns
-        return moment_ns + self._offset_ns
+    def of(self, fact: object, now_ns: int, offset_ns: int) -> int:
+        """Since when it holds: since now if it is new.
+
+        Args:
+            now_ns: Monotonic time.
+            offset_ns: How far wall time is ahead of it.
+        """
+        if is_new := fact != self._fact:
+            self._fact, self._since_ns = fact, now_ns
+        if is_new or abs(offset_ns - self._offset_ns) >= nanoseconds(STEP_S):
+            self._offset_ns = offset_ns
+        return self._since_ns + self._offset_ns
 
 
 class Status:
@@ -66,9 +72,7 @@ class Status:
         self._box = box
         self._recorders = recorders
         self._more_bus_facts = more_bus_facts
-        self._state: str | None = None
-        self._since_ns = 0
-        self._state_since, self._driver_since = _Moment(), _Moment()
+        self._state_since, self._driver_since, self._wheels_since = _Since(), _Since(), _Since()
 
     def sample(self) -> StatusSample:
         now_ns, clock_ns = self._clock.wall_ns(), self._clock.now_ns()
@@ -76,18 +80,18 @@ class Status:
         decision = self._controller.decision
         since_ns = decision.since_ns
         state, why = self._controller.state()
-        if state != self._state:
-            self._state = state
-            self._since_ns = clock_ns
+        wheels = self._controller.wheels
         return StatusSample(
             stamp_ns=now_ns,
             state=state,
             driver=decision.driver,
-            driver_since_ns=(
-                None if since_ns is None else self._driver_since.of(since_ns, offset_ns)
-            ),
-            since_ns=self._state_since.of(self._since_ns, offset_ns),
+            driver_since_ns=self._driver_since.of(since_ns, since_ns, offset_ns)
+            if since_ns
+            else None,
+            since_ns=self._state_since.of(state, clock_ns, offset_ns),
             why=why,
+            wheels=wheels,
+            wheels_since_ns=self._wheels_since.of(wheels, clock_ns, offset_ns) if wheels else None,
             board=self.board(),
             link={**ZEROS["link"], **self._counted("link", self._supervisor.status_values)},
             command={

@@ -114,6 +114,7 @@ class Wheels:
         self.zeros = (0.0,) * len(motors)
         self.command_m_s = self.zeros
         self.measured_m_s: tuple[float, ...] | None = None
+        self.seen: str | None = None
         self._said: tuple[Units, tuple[float, ...]] = ((), self.zeros)
 
     # The board comes and goes.
@@ -158,6 +159,7 @@ class Wheels:
         self._stop_due_ns = None
         self._released = False
         self._rest.drive()
+        self.seen = "turning"
         self._say(speeds)
 
     def stand(self, now_ns: int, *, at_once: bool) -> Fault | None:
@@ -249,16 +251,12 @@ class Wheels:
             speeds_m_s = self.zeros
         self.check.command(now_ns, None if units is None else speeds_m_s)
 
-    def restart_check(self) -> None:
-        """Judge the wheels by later readings alone: earlier ones prove nothing any more."""
-        self.check.reset()
-
     def paused(self, now_ns: int) -> None:
         """Note a pause of this process: data that arrives now is old, and proves nothing.
 
         A stop that is under way is sent again, and has its time again.
         """
-        self.restart_check()
+        self.check.reset()
         if self._board is not None:
             # The kernel keeps the oldest lines; the newest one contains their counts.
             self._board.drop_input()
@@ -290,13 +288,14 @@ class Wheels:
                 likeliest moment between.
         """
         self.measured_m_s = speeds_m_s
+        self.seen = "turning" if self.in_motion else "at_rest"
         before = self._ticks or ticks
         if self._board is None:
             # The session that closed the board stops its wheels; they obey no command of ours.
             self._ticks = ticks
             return ()
         if (received_ns or stamp_ns) < self._waited_ns:
-            self.restart_check()
+            self.check.reset()
             self._ticks = ticks
             return ()
         asked_ns = stamp_ns if earliest_ns is None else earliest_ns

@@ -44,23 +44,19 @@ class BatteryWatch:
     def __init__(self, low_v: float | None = None, stop_v: float | None = None) -> None:
         self._low_v = low_v
         self._stop_v = stop_v
+        self._used_ns = 0
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget everything, because the board may come back with another battery."""
         self.level: Level = ""
         self.median_v: float | None = None
         self._readings: deque[tuple[int, float]] = deque()
         self._rested_ns = 0
         self._resting_since_ns: int | None = None
-        self._used_ns = 0
 
     def moves(self, now_ns: int) -> None:
         self._resting_since_ns = now_ns + RECOVERS_NS
-
-    def forget(self) -> None:
-        """Forget everything, because the board may come back with another battery."""
-        self.level = ""
-        self.median_v = None
-        self._readings.clear()
-        self._rested_ns = 0
-        self._resting_since_ns = None
 
     def read(self, volts: float, now_ns: int) -> Event | None:
         """Judge a reading; returns the event that follows from it."""
@@ -89,9 +85,7 @@ class BatteryWatch:
 
     def refuses(self, source: str, persons: tuple[str, ...]) -> str:
         """The reason why a source begins no motion; empty if it may."""
-        if self.level != "empty" or source in persons:
-            return ""
-        return self.words
+        return "" if source in persons else self.words
 
     @property
     def words(self) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 from yahboomd.core.drive.arbitration import Decision
 from yahboomd.core.drive.holds import BOARD_UNFIT, FAULT, WAITING_FOR_BOARD, Hold
 from yahboomd.core.names import source_words
-from yahboomd.core.standstill import STANDING_M_S, turning
+from yahboomd.core.standstill import STANDING_M_S
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -70,14 +70,13 @@ def state_of(
     latched: Latched | None = None,
     holds: Sequence[Hold] = (),
     stop_waits: bool = False,
-    commanded_zero: bool,
-    measured_m_s: Sequence[float] | None = None,
+    in_motion: bool,
 ) -> State:
     """The state in the status; if several apply, the one that needs a person first.
 
     Args:
         stop_waits: The stop of the latch, or of a fault, has not left this machine yet.
-        commanded_zero: The latest frame to the board commands standstill.
+        in_motion: Wheels turn, or are commanded to.
     """
     kinds = {hold.kind for hold in holds}
     if stop_waits and (latched is not None or FAULT in kinds):
@@ -90,8 +89,7 @@ def state_of(
         return "waiting"
     if decision.why == "driving" and not kinds:
         return "driving"
-    moves = turning(measured_m_s or ()) or not commanded_zero
-    return "stopping" if moves else "standing"
+    return "stopping" if in_motion else "standing"
 
 
 def _held(now_ns: int, hold: Hold, again: str) -> str:

@@ -230,6 +230,11 @@ class StatusSample(msgspec.Struct, frozen=True, kw_only=True):
         int | None,
         Meta(description="Since when the driver has control, or no source has; none for ever."),
     ] = None
+    wheels: Annotated[
+        str | None,
+        Meta(description="at_rest or turning, by the counts; unknown: these ceased in motion."),
+    ] = None
+    wheels_since_ns: Annotated[int | None, Meta(description="Since when, Unix ns.")] = None
 
 
 class EstopRequest(msgspec.Struct, frozen=True, kw_only=True):

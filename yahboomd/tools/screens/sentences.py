@@ -21,13 +21,13 @@ def driver(view: View) -> str:
     return f"{source_words(view.status.driver)} has control{since}"
 
 
-STANDING = frozenset({"standing", "estopped", "fault", "waiting"})
-"""States in which nothing moves, as far as is known; in an unknown state the robot may move."""
+STANDING = frozenset({"standing", "estopped", "fault", "waiting", "at_rest"})
+"""Wheels at rest; of a daemon that does not know its wheels, states in which nothing moves."""
 
 
 def lost_sight(view: View) -> str:
     """Advice for a person whose daemon falls silent; empty if nothing moved."""
-    if view.status is None or view.status.state in STANDING:
+    if view.status is None or (view.status.wheels or view.status.state) in STANDING:
         return ""
     return pasteable(
         f"It was {view.status.state}: if the wheels still turn, run `yahboomd stop` on the robot, "
@@ -82,11 +82,10 @@ def counts(found: Sequence[Count], nothing: str) -> str:
 def status_text(view: View) -> str:
     """The status alone, a fact in each line; ends without a line break."""
     assert view.status is not None
-    volts = "" if view.volts is None else f", battery {view.volts:.1f} V{_charge(view)}"
     return _table(
         (
             *_state(view, view.status),
-            ("board", f"{board(view)}{volts}"),
+            ("board", f"{board(view)}, {supply(view)}"),
             ("lost", counts(view.link, "nothing")),
             ("refused", counts(view.refusals, "no command")),
         )
@@ -149,6 +148,7 @@ def _table(rows: Iterable[tuple[str, str]]) -> str:
 def _state(view: View, status: StatusSample) -> tuple[tuple[str, str], ...]:
     return (
         ("state", f"{status.state} for {duration(view.state_s)}"),
+        ("wheels", (status.wheels or "not known yet").replace("_", " ")),
         ("why", status.why),
         ("driver", driver(view)),
     )

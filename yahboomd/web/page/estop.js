@@ -110,12 +110,11 @@ export class Estop {
 
   #words(engaged, mine) {
     if (this.#wanted && this.#attempts === 1) return "Asking the robot to stop\u2026";
-    if (this.#wanted) {
-      const off = this.#answer.includes(OFF) ? "" : OFF;
-      return [off, `Not acknowledged yet, attempt ${this.#attempts}.`, this.#answer].filter(Boolean).join(" ");
-    }
+    // The remedy first: on a small screen the rest scrolls.
+    if (this.#wanted) return `${OFF} Not acknowledged yet, attempt ${this.#attempts}. ${this.#answer.replace(OFF, "")}`.trim();
     if (!engaged) return this.#answer;
+    const off = this.live.sample("status").wheels === "unknown" ? `${OFF} ` : "";
     const who = mine ? "" : " Only the page that has control can release it.";
-    return (this.#answer || "The emergency stop is engaged.") + who;
+    return off + (this.#answer || "The emergency stop is engaged.") + who;
   }
 }

@@ -33,8 +33,6 @@ export function watchHeader(connection, live) {
     at("battery").classList.toggle("low", isLow);
     const delay = delayOf(live);
     write(at("delay"), delay && found.state !== "offline" ? `${Math.round(delay)} ms` : "");
-    at("delay").title = "Network, there and back";
-    at("battery").title = "Battery, at rest";
     fit();
   };
   for (const type of ["link", "problem", "hello", "control", "daemon", "status", "battery", "delay"]) live.on(type, show);
@@ -59,6 +57,7 @@ function summary(connection, live) {
   if (!status) return { state: "offline", words: "connecting", why: "Waiting for the robot's first status." };
   if (live.age("status") > OLD_MS)
     return { state: "offline", words: "silent", why: `The last status is ${duration(live.age("status"))} old. It was: ${status.why}` };
+  if (status.wheels === "unknown") return { state: "fault", words: "may turn", why: plain(status.why) };
   if (["standing", "stopping", "driving"].includes(status.state) && weakness(live))
     return { state: "waiting", words: "slow network", why: "The network is too slow to drive." };
   const why = plain(named(status.why, live), live.newest("hello")?.role);

@@ -19,6 +19,7 @@ export function obstacle(connection, live) {
   // The header has the daemon's own words.
   if (daemon && !daemon.alive) return "No yahboomd answers. The page waits for it.";
   const status = live.sample("status");
+  if (status?.wheels === "unknown") return "The wheels may still turn: see above.";
   if (status?.state === "estopped") return "Emergency stop: release it to drive.";
   if (status?.state === "fault") return "Fault, see above: clear it to drive.";
   if (status && !KNOWN.includes(status.state)) return "State unknown to this page: see above.";
