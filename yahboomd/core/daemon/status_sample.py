@@ -85,9 +85,9 @@ class Status:
             stamp_ns=now_ns,
             state=state,
             driver=decision.driver,
-            driver_since_ns=self._driver_since.of(since_ns, since_ns, offset_ns)
-            if since_ns
-            else None,
+            driver_since_ns=(
+                None if since_ns is None else self._driver_since.of(since_ns, since_ns, offset_ns)
+            ),
             since_ns=self._state_since.of(state, clock_ns, offset_ns),
             why=why,
             wheels=wheels,
