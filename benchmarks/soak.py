@@ -5,7 +5,7 @@
 An application drives. After each fault the truth of the simulated robot shows whether the wheels
 stood in time and whether the robot drives again, and between two stands the pose is compared with
 the true one. What a stall of this machine may have caused is counted apart. Each board takes its
-share of the time; the daemon runs with its guard, as without a service manager.
+share of the time; the daemon runs with its guard.
 """
 
 from __future__ import annotations

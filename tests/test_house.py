@@ -33,7 +33,7 @@ def test_the_path_for_a_reader_is_there_and_can_be_read_in_a_day() -> None:
 
 MOST_CODE = {
     "blackbox": 1202,
-    "cli": 5032,
+    "cli": 5028,
     "client": 1908,
     "core": 17210,
     "moves": 2074,

@@ -10,6 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from yahboomd.core.daemon.control import MOST_PROMISED_NS
+from yahboomd.tools.port.guard_law import Limits
+
 SYSTEMD = Path(__file__).resolve().parent.parent / "systemd"
 UNITS = ("yahboomd.service", "yahboomd@.service")
 METRICS = "yahboomd-metrics.service"
@@ -110,6 +113,17 @@ def test_wheels_that_were_not_seen_to_stand_are_stopped_once_more(
         words, capture_output=True, text=True, check=True, env={"SERVICE_RESULT": result}
     )
     assert ran.stdout.startswith("stop --direct") is runs
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_after_a_crash_the_guard_lives_on_and_the_watchdog_waits_for_it(unit: str) -> None:
+    unit_keys = keys(unit)
+    # By default systemd kills no other process of the group before TimeoutStopSec=.
+    assert "KillMode" not in unit_keys
+    assert "SendSIGKILL" not in unit_keys
+    kill_after_s = MOST_PROMISED_NS / 1e9 + Limits().kill_after / 1e3
+    assert int(unit_keys["WatchdogSec"][0]) > kill_after_s + 2.0
+    assert int(unit_keys["TimeoutStopSec"][0]) > kill_after_s
 
 
 @pytest.mark.parametrize("unit", UNITS)

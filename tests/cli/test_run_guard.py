@@ -235,14 +235,9 @@ def test_an_end_in_order_needs_no_guard_and_one_that_suspends_with_standing_whee
     assert "a stop was sent" not in daemon.output.lower()
 
 
-@pytest.mark.cases(1)
 @pytest.mark.realtime
-@pytest.mark.parametrize("how", ["an option", "a watchdog"])
-def test_no_guard_is_started_by_an_option_and_where_a_service_manager_watches(
-    real_robot: Callable[..., RealRobot], tmp_path: Path, how: str
-) -> None:
-    manager = {"NOTIFY_SOCKET": str(tmp_path / "notify"), "WATCHDOG_USEC": "2000000"}
-    robot = real_robot(guarded=how == "a watchdog", environ=manager if how == "a watchdog" else {})
+def test_no_guard_is_started_by_an_option(real_robot: Callable[..., RealRobot]) -> None:
+    robot = real_robot(guarded=False)
     robot.daemon.says("Connected")
     assert guards(robot.daemon.pid) == []
 

@@ -39,8 +39,7 @@ log = logging.getLogger(__name__)
 Result = TypeVar("Result")
 
 END_S = 0.7
-"""The longest that the end of the daemon waits for a box, once the wheels stand. The
-watchdog of the service, which is not fed meanwhile, would end it after 2 s."""
+"""The longest that the end of the daemon waits for a box, once the wheels stand."""
 
 STUCK_S = 10.0
 

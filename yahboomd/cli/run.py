@@ -18,8 +18,6 @@ from yahboomd.tools.stop.last_stop import say
 from yahboomd.tools.stop.unresponsive import FROZEN, is_yahboomd, process_state
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from yahboomd.core.config import Config
     from yahboomd.core.link.port_guard import PortGuard
 
@@ -27,8 +25,8 @@ DESCRIPTION = """\
 Own the board's serial port, drive its wheels from velocity commands on the Zenoh bus, and publish
 pose, twist, wheels, battery, status and events. It runs until SIGTERM, SIGINT or SIGHUP and stops
 the wheels first, as on any signal but SIGKILL, SIGSTOP, and those of a fault of the program
-(SIGSEGV, SIGBUS, SIGILL, SIGFPE, SIGABRT, SIGSYS, SIGTRAP): after these its guard stops them, or
-the service manager. A board that is not there is waited for.
+(SIGSEGV, SIGBUS, SIGILL, SIGFPE, SIGABRT, SIGSYS, SIGTRAP): after these its guard stops them. A
+board that is not there is waited for.
 
 The guard is a small process that shares the open port. It also stops the wheels if the daemon
 pauses for 0.5 s, and kills one that hangs, or is suspended by SIGSTOP, for 5 s.
@@ -61,7 +59,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--no-guard",
         action="store_true",
         help="start no process that stops the wheels if this one is killed or freezes: for "
-        "debuggers. A service with a watchdog has none",
+        "debuggers",
     )
     parser.add_argument(
         "--namespace", metavar="NAME", help="prefix of every key, short for --set zenoh.namespace="
@@ -70,7 +68,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run until a signal ends it."""
-    guard = None if args.no_guard or _has_watchdog(os.environ) else _start_guard()
+    guard = None if args.no_guard else _start_guard()
     try:
         return _serve(args, guard)
     except YahboomdError:
@@ -137,12 +135,6 @@ def _serve(args: argparse.Namespace, guard: PortGuard | None) -> int:
         raise _explained(error, loaded.config) from error
     finally:
         flush()
-
-
-def _has_watchdog(environ: Mapping[str, str]) -> bool:
-    """Whether a service manager's watchdog replaces the guard."""
-    own = environ.get("WATCHDOG_PID", str(os.getpid())) == str(os.getpid())
-    return own and bool(environ.get("NOTIFY_SOCKET") and environ.get("WATCHDOG_USEC"))
 
 
 def _start_guard() -> PortGuard | None:

@@ -2,8 +2,7 @@
 
 The default action of almost every signal ends or suspends a process at once, and the board
 drives on: so the wheels are stopped first. SIGKILL and SIGSTOP cannot be caught, and after a fault
-of the program (SIGSEGV, SIGABRT) no code of it can be relied on: there the service manager stops
-the wheels.
+of the program (SIGSEGV, SIGABRT) no code of it can be relied on: there its guard stops the wheels.
 
 systemd receives datagrams on the socket that ``NOTIFY_SOCKET`` names (sd_notify(3)).
 """
