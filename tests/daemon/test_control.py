@@ -12,7 +12,8 @@ from real_robot import wait_for
 from robot_bench import RobotBench, steps_of
 
 from yahboomd.core.drive import battery
-from yahboomd.core.model import NS_PER_S, EncoderReading
+from yahboomd.core.drive.standing import why
+from yahboomd.core.model import NS_PER_S, Cause, EncoderReading
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 
@@ -33,12 +34,12 @@ async def test_a_command_turns_the_wheels_and_silence_stops_them(
         await bench.ready()
         await bench.drive(1.0, 0.3)
         assert min(bench.rim_speeds) == pytest.approx(0.3, abs=0.03)
-        assert bench.controller.state() == ("driving", "cmd_vel drives.")
+        assert bench.controller.state() == ("driving", (Cause("driving", "cmd_vel drives."),))
         await asyncio.sleep(1.2)
         assert bench.standing
-        state, why = bench.controller.state()
+        state, reasons = bench.controller.state()
         assert state == "standing"
-        assert "cmd_vel fell silent" in why
+        assert "cmd_vel fell silent" in why(reasons)
 
 
 @pytest.mark.cases(1)
@@ -77,9 +78,9 @@ async def test_a_new_command_is_on_the_wire_at_once_when_the_line_is_free(tmp_pa
 async def test_nothing_moves_before_the_first_counts(tmp_path: Path) -> None:
     async with robot(tmp_path) as bench:
         bench.command(0.3)
-        state, why = bench.controller.state()
+        state, reasons = bench.controller.state()
         assert state == "waiting"
-        assert "No board yet." in why
+        assert "No board yet." in why(reasons)
         await bench.ready()
         await asyncio.sleep(0.1)
         # Commands from the time without a board are over.
@@ -97,9 +98,9 @@ async def test_the_estop_stops_at_once_and_holds_against_commands_and_over_a_res
         bench.operator.engage_estop("a test")
         await bench.drive(1.0, 0.3)
         assert bench.standing
-        state, why = bench.controller.state()
+        state, reasons = bench.controller.state()
         assert state == "estopped"
-        assert "engaged by a test" in why
+        assert "engaged by a test" in why(reasons)
         # Another thread writes it, on the machine's time.
         wait_for((tmp_path / "estop").exists, "the latch is on file")
     async with robot(tmp_path) as again:
@@ -258,9 +259,9 @@ async def test_when_the_last_client_leaves_the_wheels_stop_at_once(tmp_path: Pat
         await asyncio.sleep(0.4)
         assert bench.standing
         lost = "drove and was lost 0.4 s ago: its client left the bus."
-        assert bench.controller.state()[1].endswith(lost)
+        assert why(bench.controller.state()[1]).endswith(lost)
         bench.controller.bus_lost()
-        assert bench.controller.state() == ("standing", "No source commands motion.")
+        assert bench.controller.state()[1] == (Cause("no_command", "No source commands motion."),)
 
 
 @on_virtual_time
@@ -330,7 +331,9 @@ async def test_an_empty_battery_ends_no_motion_and_refuses_the_next_one(
         await bench.drive(1.0, 0.3)
         assert bench.standing
         assert "battery_empty" in bench.intake.last_refusal
-        assert " V at rest, less than board.battery_stop_v = 6.5" in bench.controller.state()[1]
+        assert " V at rest, less than board.battery_stop_v = 6.5" in why(
+            bench.controller.state()[1]
+        )
         for source in ("cmd_vel/teleop", "cmd_vel/web"):
             await bench.drive(2.0, 0.3, source=source)
             assert bench.rim_speeds == pytest.approx([0.1] * 2, abs=0.02)

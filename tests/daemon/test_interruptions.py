@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from robot_bench import RobotBench
 
+from yahboomd.core.drive.standing import why
 from yahboomd.core.link.port_guard import stops_of
 from yahboomd.core.link.promise import Promise, memory
 from yahboomd.core.protocol.registry import DIALECTS
@@ -147,6 +148,6 @@ async def test_three_resets_in_ten_seconds_are_a_fault_that_latches(tmp_path: Pa
             bench.robot.reset(bench.clock.now_ns())
         await bench.drive(4.0, 0.3)
         assert bench.standing
-        state, why = bench.controller.state()
+        state, reasons = bench.controller.state()
         assert state == "fault"
-        assert "reset itself 3 times" in why
+        assert "reset itself 3 times" in why(reasons)

@@ -12,6 +12,7 @@ from board_bench import LinkBench
 from robot_bench import RobotBench
 
 from yahboomd.core.daemon.supervisor import BACK_OFF_S, Supervisor, storing_opener
+from yahboomd.core.drive.standing import why
 from yahboomd.core.errors import (
     LinkError,
     PortDenied,
@@ -49,7 +50,7 @@ async def test_the_type_of_motor_or_car_is_never_stored_on_connecting(tmp_path: 
         await bench.until(lambda: bench.heard.kinds.count("setting_stored") == 2)
         await bench.drive(0.5, 0.3)
         assert bench.standing
-        assert "motor type 2" in bench.controller.state()[1]
+        assert "motor type 2" in why(bench.controller.state()[1])
         flash: FlashContent = bench.robot.board.flash  # type: ignore[attr-defined]
         assert (flash.motor_type, flash.lines) == (2, 11)
 

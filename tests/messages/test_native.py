@@ -24,7 +24,7 @@ FIELDS = {
     "BatterySample": "stamp_ns volts",
     "EventSample": "stamp_ns kind severity message wheel data",
     "StatusSample": "stamp_ns state driver since_ns why board link command bus driver_since_ns "
-    "wheels wheels_since_ns",
+    "wheels wheels_since_ns reasons",
     "EstopRequest": "engaged by",
     "SetPoseRequest": "x y theta covariance",
     "ServiceReply": "success message data",

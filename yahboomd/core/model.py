@@ -290,6 +290,21 @@ class OdometryEstimate(msgspec.Struct, frozen=True, kw_only=True):
     motor_speed_m_s: tuple[float, ...]
 
 
+class Cause(msgspec.Struct, frozen=True):
+    """One cause of the state that the robot is in.
+
+    Attributes:
+        kind: A stable word, so that no reader has to look into the text. A hold has its own kind;
+            without motion commanded it is ``Decision.why``. The others are ``wheels`` (they may
+            turn unseen), ``estop``, ``release`` (the command that lets it drive again), ``lost``
+            (the client that drove has left), ``cannot``, ``refused``, ``battery``, ``driving``.
+        text: One sentence or more, for a person.
+    """
+
+    kind: str
+    text: str
+
+
 class Event(msgspec.Struct, frozen=True, kw_only=True):
     """Something that happened once, published for people and programs.
 

@@ -44,8 +44,7 @@ from yahboomd.core.errors import YahboomdError
 from yahboomd.core.link.connected_board import ConnectedBoard
 from yahboomd.core.link.handshake import Identity
 from yahboomd.core.link.port_guard import PortGuard
-from yahboomd.core.model import Counts, EncoderReading, Event, ImuReading, Matrix3, Pose2d
-from yahboomd.core.names import source_words
+from yahboomd.core.model import Cause, Counts, EncoderReading, Event, ImuReading, Matrix3, Pose2d
 from yahboomd.core.odometry.odometer import Odometer
 from yahboomd.core.protocol.dialect import Units
 from yahboomd.core.protocol.settings import VERSION
@@ -66,9 +65,6 @@ PERSONS = (CMD_VEL_TELEOP, CMD_VEL_WEB)
 
 FASTER, MORE = 1.2, 0.01
 """A command this many times faster, and so much, is worth another try; m/s and rad/s."""
-
-MAY_TURN = "The wheels may still turn: switch the motors' supply off."
-"""The first words while a board is out of reach whose wheels turned when they were last seen."""
 
 DOUBTFUL_S = 0.5
 """The standstill after a cut that may be the line's fault: the wheels roll out meanwhile."""
@@ -337,12 +333,8 @@ class Controller:
         self._wheels.check.reset()
         # A board that was reset unnoticed has forgotten its motors, and obeys no speed.
         self._wheels.rearm()
-        return Hold(
-            kind=LINE_NOISY,
-            message=words,
-            since_ns=now_ns,
-            until_ns=now_ns + nanoseconds(DOUBTFUL_S),
-        )
+        until_ns = now_ns + nanoseconds(DOUBTFUL_S)
+        return Hold(kind=LINE_NOISY, message=words, since_ns=now_ns, until_ns=until_ns)
 
     def _report(self, fault: Fault) -> None:
         self.counters[fault.kind] += 1
@@ -564,7 +556,7 @@ class Controller:
     def decision(self) -> Decision:
         return self._decision
 
-    def state(self) -> tuple[standing.State, str]:
+    def state(self) -> tuple[standing.State, tuple[Cause, ...]]:
         now_ns = self._clock.now_ns()
         holds = self._holds.active(now_ns)
         state = standing.state_of(
@@ -574,7 +566,7 @@ class Controller:
             stop_waits=self.stop_reports.waiting,
             in_motion=self._wheels.in_motion,
         )
-        words = standing.reasons(
+        return state, standing.reasons(
             now_ns,
             decision=self._decision,
             latched=self._latch.latched,
@@ -584,7 +576,6 @@ class Controller:
             angular=self._options.angular,
             holonomic=self._options.kinematics.holonomic,
             release=self._options.release,
+            unseen=self.wheels == "unknown",
+            battery=self.battery_watch.words,
         )
-        words = words or (f"{source_words(self._decision.driver)} drives.",)
-        unseen = MAY_TURN if self.wheels == "unknown" else ""
-        return state, " ".join([unseen, *words, self.battery_watch.words]).strip()

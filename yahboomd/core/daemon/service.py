@@ -29,6 +29,7 @@ from yahboomd.core.daemon.requests import Operator, Services
 from yahboomd.core.daemon.stamps import WallStamps
 from yahboomd.core.daemon.status_sample import Status
 from yahboomd.core.daemon.supervisor import Supervisor
+from yahboomd.core.drive import standing
 from yahboomd.core.errors import BusError, YahboomdError
 from yahboomd.core.link import port_note
 from yahboomd.core.link.port import Opener
@@ -338,7 +339,7 @@ class Daemon:
     def _identity(self, supervisor: Supervisor) -> dict[str, Any]:
         session, configured = supervisor.session, self._config.serial.port
         ports = (configured, "" if session is None else session.port_name)
-        state, why = self._controller.state()
+        state, reasons = self._controller.state()
         return {
             "daemon": "yahboomd",
             "namespace": self._config.zenoh.namespace,
@@ -346,7 +347,7 @@ class Daemon:
             "listen": list(self._config.zenoh.listen),
             "connected": session is not None and session.board is not None,
             "state": state,
-            "why": why,
+            "why": standing.why(reasons),
         }
 
     # Callbacks of the control path (`publisher.Outputs`).

@@ -14,6 +14,7 @@ from yahboomd.core.daemon.control import Controller
 from yahboomd.core.daemon.recorders import Recorders
 from yahboomd.core.daemon.stamps import STEP_S
 from yahboomd.core.daemon.supervisor import Supervisor
+from yahboomd.core.drive import standing
 from yahboomd.core.messages.native import StatusSample
 from yahboomd.core.messages.status_fields import ZEROS
 from yahboomd.core.protocol.settings import VERSION
@@ -79,7 +80,7 @@ class Status:
         offset_ns = now_ns - clock_ns
         decision = self._controller.decision
         since_ns = decision.since_ns
-        state, why = self._controller.state()
+        state, reasons = self._controller.state()
         wheels = self._controller.wheels
         return StatusSample(
             stamp_ns=now_ns,
@@ -89,7 +90,8 @@ class Status:
                 None if since_ns is None else self._driver_since.of(since_ns, since_ns, offset_ns)
             ),
             since_ns=self._state_since.of(state, clock_ns, offset_ns),
-            why=why,
+            why=standing.why(reasons),
+            reasons=reasons,
             wheels=wheels,
             wheels_since_ns=self._wheels_since.of(wheels, clock_ns, offset_ns) if wheels else None,
             board=self.board(),

@@ -98,22 +98,16 @@ class ResetWatch:
     def reset(self, now_ns: int, *, in_motion: bool) -> Hold | None:
         self._resets.append(now_ns)
         if len(self._resets) == MOST_RESETS and now_ns - self._resets[0] <= WITHIN_S * NS_PER_S:
-            return Hold(
-                kind=FAULT,
-                message=(
-                    f"The board reset itself {len(self._resets)} times within "
-                    f"{WITHIN_S} s: check the battery, the plugs and the motor currents."
-                ),
-                since_ns=now_ns,
+            words = (
+                f"The board reset itself {len(self._resets)} times within {WITHIN_S} s: check the "
+                "battery, the plugs and the motor currents."
             )
+            return Hold(kind=FAULT, message=words, since_ns=now_ns)
         if not in_motion:
             return None
-        return Hold(
-            kind=BOARD_RESET,
-            message="The board reset itself in motion; standing before anything moves again.",
-            since_ns=now_ns,
-            until_ns=now_ns + STAND_NS,
-        )
+        words = "The board reset itself in motion; standing before anything moves again."
+        until_ns = now_ns + STAND_NS
+        return Hold(kind=BOARD_RESET, message=words, since_ns=now_ns, until_ns=until_ns)
 
     def clear(self) -> None:
         """Forget past resets, after a person looked into them."""

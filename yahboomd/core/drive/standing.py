@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from yahboomd.core.drive.arbitration import Decision
 from yahboomd.core.drive.holds import BOARD_UNFIT, FAULT, WAITING_FOR_BOARD, Hold
+from yahboomd.core.model import Cause
 from yahboomd.core.names import source_words
 from yahboomd.core.standstill import STANDING_M_S
 
@@ -24,6 +25,9 @@ State: TypeAlias = Literal["waiting", "standing", "driving", "stopping", "estopp
 SLOW_RAD_S = 0.1
 """A base that turns slower than this seems to stand."""
 
+MAY_TURN = "The wheels may still turn: switch the motors' supply off."
+"""The first words while a board is out of reach whose wheels turned when they were last seen."""
+
 
 def reasons(
     now_ns: int,
@@ -36,32 +40,47 @@ def reasons(
     angular: AxisCaps | None = None,
     holonomic: bool = True,
     release: str = "yahboomd stop --release",
-) -> tuple[str, ...]:
-    """Every reason why the robot stands; empty while it may drive.
+    unseen: bool = False,
+    battery: str = "",
+) -> tuple[Cause, ...]:
+    """Every reason why the robot stands; while it may drive, who drives.
 
     Args:
         refused: The number of recently refused commands, by reason.
         holonomic: Whether the base can move sideways.
         release: The command that lets this robot, and no other, drive again.
+        unseen: The wheels may turn, and no count shows it.
+        battery: What an empty battery forbids.
     """
-    again = f"To drive again: `{release}`."
-    found = list[str]()
+    found = list[Cause]()
     if latched is not None:
-        found.append(
-            f"Emergency stop, engaged by {latched.by} {_seconds(now_ns - latched.since_ns)} ago: "
-            f"{latched.reason}. {again}"
-        )
+        ago = _seconds(now_ns - latched.since_ns)
+        words = f"Emergency stop, engaged by {latched.by} {ago} ago: {latched.reason}."
+        found.append(Cause("estop", words))
     found += [
-        _held(now_ns, hold, again) for hold in sorted(holds, key=lambda hold: hold.kind != FAULT)
+        Cause(hold.kind, _held(now_ns, hold))
+        for hold in sorted(holds, key=lambda hold: hold.kind != FAULT)
     ]
-    found += _not_commanded(decision)
-    if decision.why == "driving":
-        found += _impossible(decision, linear, angular, holonomic=holonomic)
+    if {"estop", FAULT} & {each.kind for each in found}:
+        found.append(Cause("release", f"To drive again: `{release}`."))
+    if words := _not_commanded(decision):
+        lost = decision.why == "no_command" and decision.source is not None
+        found.append(Cause("lost" if lost else decision.why, words))
+    elif words := _impossible(decision, linear, angular, holonomic=holonomic):
+        found.append(Cause("cannot", words))
     # Refusals explain a standing robot; a driving one obeys other commands.
     if refused and found:
         listed = ", ".join(f"{count} {reason}" for reason, count in sorted(refused.items()))
-        found.append(f"Commands refused lately: {listed}.")
-    return tuple(found)
+        found.append(Cause("refused", f"Commands refused lately: {listed}."))
+    if not found:
+        found.append(Cause("driving", f"{source_words(decision.driver)} drives."))
+    around = Cause("wheels", MAY_TURN if unseen else ""), *found, Cause("battery", battery)
+    return tuple(each for each in around if each.text)
+
+
+def why(found: Sequence[Cause]) -> str:
+    """The reasons as one text."""
+    return " ".join(each.text for each in found)
 
 
 def state_of(
@@ -92,30 +111,29 @@ def state_of(
     return "stopping" if in_motion else "standing"
 
 
-def _held(now_ns: int, hold: Hold, again: str) -> str:
+def _held(now_ns: int, hold: Hold) -> str:
     until = "" if hold.until_ns is None else f", for another {_seconds(hold.until_ns - now_ns)}"
-    words = f"{hold.message} (since {_seconds(now_ns - hold.since_ns)}{until})"
-    return f"{words} {again}" if hold.kind == FAULT else words
+    return f"{hold.message} (since {_seconds(now_ns - hold.since_ns)}{until})"
 
 
-def _not_commanded(decision: Decision) -> list[str]:
+def _not_commanded(decision: Decision) -> str:
     source, driver = source_words(decision.source), source_words(decision.driver)
     age = "" if decision.age_ns is None else f" {_seconds(decision.age_ns)} ago"
     match decision.why:
         case "no_command" if decision.source is not None:
-            return [f"{source} drove and was lost{age}: its client left the bus."]
+            return f"{source} drove and was lost{age}: its client left the bus."
         case "no_command":
-            return ["No source commands motion."]
+            return "No source commands motion."
         case "ended":
-            return [f"{source} ended with a zero command{age}."]
+            return f"{source} ended with a zero command{age}."
         case "timed_out":
-            return [f"{source} fell silent after its last command{age}."]
+            return f"{source} fell silent after its last command{age}."
         case "revoked":
-            return [f"Held-up commands of {decision.source or 'a source'} were dropped."]
+            return f"Held-up commands of {decision.source or 'a source'} were dropped."
         case "zero_command":
-            return [f"{driver} commands zero and keeps control."]
+            return f"{driver} commands zero and keeps control."
         case _:
-            return []
+            return ""
 
 
 def _impossible(
@@ -124,7 +142,7 @@ def _impossible(
     angular: AxisCaps | None,
     *,
     holonomic: bool,
-) -> list[str]:
+) -> str:
     """Explain a wish that the limits and the geometry reduce to nothing."""
     twist = decision.twist
     straight = linear is None or linear.velocity != 0.0
@@ -138,16 +156,13 @@ def _impossible(
         return _crawling(decision, linear, angular)
     driver = source_words(decision.driver)
     if not holonomic and twist.vx == 0.0 and twist.wz == 0.0:
-        return [f"{driver} commands sideways motion, which this base cannot do."]
-    zeros = [
-        name
-        for name, allowed in (("limits.linear", straight), ("limits.angular", turning))
-        if not allowed
-    ]
-    return [f"{driver} commands motion that {' and '.join(zeros)}.velocity = 0 forbids."]
+        return f"{driver} commands sideways motion, which this base cannot do."
+    allowed = {"limits.linear": straight, "limits.angular": turning}
+    zeros = " and ".join(name for name, may in allowed.items() if not may)
+    return f"{driver} commands motion that {zeros}.velocity = 0 forbids."
 
 
-def _crawling(decision: Decision, linear: AxisCaps | None, angular: AxisCaps | None) -> list[str]:
+def _crawling(decision: Decision, linear: AxisCaps | None, angular: AxisCaps | None) -> str:
     """Explain limits that reduce a wish until the robot seems to stand."""
     twist, found = decision.twist, list[str]()
     for name, unit, wish, limits, slow in (
@@ -159,19 +174,16 @@ def _crawling(decision: Decision, linear: AxisCaps | None, angular: AxisCaps | N
         velocity = math.inf if limits is None or limits.velocity is None else limits.velocity
         gains = math.inf if limits is None or limits.acceleration is None else limits.acceleration
         if velocity < slow:
-            found.append(
-                f"limits.{name}.velocity = {velocity:g} is all that is left of {wish:g} {unit}"
-            )
+            left = f"limits.{name}.velocity = {velocity:g} is all that is left of {wish:g} {unit}"
+            found.append(left)
         elif gains < slow:
-            found.append(
-                f"limits.{name}.acceleration = {gains:g} lets it reach {wish:g} {unit} only "
-                f"after {wish / gains:.0f} s"
-            )
+            late = f"lets it reach {wish:g} {unit} only after {wish / gains:.0f} s"
+            found.append(f"limits.{name}.acceleration = {gains:g} {late}")
         else:
-            return []
+            return ""
     if not found:
-        return []
-    return [f"{source_words(decision.driver)} drives at a crawl: {', and '.join(found)}."]
+        return ""
+    return f"{source_words(decision.driver)} drives at a crawl: {', and '.join(found)}."
 
 
 def _seconds(duration_ns: int) -> str:

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 import msgspec
 from msgspec import Meta
 
-from yahboomd.core.model import Event, ImuEstimate, Matrix3, OdometryEstimate
+from yahboomd.core.model import Cause, Event, ImuEstimate, Matrix3, OdometryEstimate
 
 Fact: TypeAlias = int | float | str | bool | None
 """A counter or a fact of one word."""
@@ -235,6 +235,7 @@ class StatusSample(msgspec.Struct, frozen=True, kw_only=True):
         Meta(description="at_rest or turning, by the counts; unknown: these ceased in motion."),
     ] = None
     wheels_since_ns: Annotated[int | None, Meta(description="Since when, Unix ns.")] = None
+    reasons: Annotated[Sequence[Cause] | None, Meta(description="The parts of why.")] = None
 
 
 class EstopRequest(msgspec.Struct, frozen=True, kw_only=True):
