@@ -6,7 +6,6 @@ import pytest
 
 from yahboomd.core.drive.age import AgeRefusal
 from yahboomd.core.drive.arbitration import (
-    Accepted,
     AllowedSource,
     CommandRefused,
     Decision,
@@ -38,7 +37,6 @@ def test_a_command_without_a_timeout_of_its_source_is_good_for_half_a_second() -
     ("noun", "field"),
     [
         (Decision(), "twist"),
-        (Accepted(source="cmd_vel"), "took_over"),
         (CommandRefused(source="cmd_vel", reason="stale", detail="Old."), "revoked"),
         (AllowedSource(name="cmd_vel", priority=10), "priority"),
     ],

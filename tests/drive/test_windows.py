@@ -46,7 +46,7 @@ def test_a_flood_takes_no_more_memory_than_a_trickle() -> None:
     for now_ns in range(20 * WINDOW_NS):
         window.add(now_ns, now_ns)
         counts.add(now_ns, "x")
-    assert len(window._minima) <= SLICES + 2
+    assert len(window._slices) <= SLICES + 2
     assert len(counts._slices) <= SLICES + 2
 
 

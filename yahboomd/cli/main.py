@@ -52,6 +52,8 @@ need 3.11 or later. uv brings one (PACKAGE is the wheel, or the folder of the so
 python3 -m pip install --user uv && python3 -m uv tool install --python 3.12 PACKAGE
 """
 
+NOT_LINUX = "yahboomd: yahboomd.client works here for your programs, but its commands need Linux.\n"
+
 EPILOG = """\
 a first drive, without a robot:
   yahboomd simulate --link /tmp/board    in one terminal
@@ -110,6 +112,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     if sys.version_info < OLDEST:
         sys.stderr.write(TOO_OLD.format(*sys.version_info))
         return os.EX_CONFIG
+    if sys.platform != "linux":
+        sys.stderr.write(NOT_LINUX)
+        return 78
     if argv is not None:
         return _run(list(argv))
     _fill_standard_streams()

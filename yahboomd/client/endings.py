@@ -12,8 +12,8 @@ import signal
 import threading
 from types import FrameType
 
-NUMBERS = (signal.SIGTERM, signal.SIGHUP)
-
+NUMBERS = (signal.SIGTERM, signal.SIGHUP) if hasattr(signal, "SIGHUP") else ()
+"""Windows ends a process without asking it; only Ctrl-C is a signal there, too."""
 
 _entered: list[Endings] = []
 """The endings of asyncio programs; all in the main thread, which alone receives signals."""

@@ -13,7 +13,7 @@ import os
 import sys
 import time
 from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from typing import NoReturn, Protocol
 
@@ -324,10 +324,10 @@ class _KernelAlarm:
 
 
 class SystemClock:
-    """The machine's clocks, and alarms of the kernel's."""
+    """The machine's clocks, and alarms of the kernel's: of Linux, elsewhere of the event loop."""
 
     def __init__(self) -> None:
-        self._libc = ctypes.CDLL(None, use_errno=True)
+        self._libc = ctypes.CDLL(None, use_errno=True) if hasattr(time, "CLOCK_BOOTTIME") else None
 
     now_ns = staticmethod(time.monotonic_ns)
     """Nanoseconds of CLOCK_MONOTONIC."""
@@ -337,12 +337,14 @@ class SystemClock:
 
     def suspended_ns(self) -> int:
         """CLOCK_BOOTTIME less CLOCK_MONOTONIC, which stops in a suspend; never too large."""
-        return time.clock_gettime_ns(time.CLOCK_BOOTTIME) - time.monotonic_ns()
+        # On macOS CLOCK_MONOTONIC goes on and Python's monotonic time stops; on Windows both go on.
+        on = getattr(time, "CLOCK_BOOTTIME", getattr(time, "CLOCK_MONOTONIC", None))
+        return 0 if on is None else time.clock_gettime_ns(on) - time.monotonic_ns()
 
     def alarm(self, callback: Callable[[], None]) -> Alarm:
         """A timerfd that calls back; without a free descriptor, a timer of the loop."""
-        try:
-            return _KernelAlarm(self._libc, callback)
-        except OSError:
-            # It waits in whole milliseconds, which is better than no control of the wheels.
-            return LoopAlarm(callback)
+        if self._libc is not None:
+            with suppress(OSError):
+                return _KernelAlarm(self._libc, callback)
+        # It waits in whole milliseconds, which is better than no control of the wheels.
+        return LoopAlarm(callback)

@@ -23,8 +23,10 @@ Bad bytes, from the wire or from the bus, are no exceptions: they are counted.
 
 from __future__ import annotations
 
-import os
 from typing import ClassVar
+
+# Windows' module os, where a client may run, has no names for them.
+EX_UNAVAILABLE, EX_SOFTWARE, EX_OSERR, EX_NOPERM, EX_CONFIG = 69, 70, 71, 77, 78
 
 
 class YahboomdError(Exception):
@@ -35,7 +37,7 @@ class YahboomdError(Exception):
         remedy: The person's next step; empty if there is none.
     """
 
-    exit_code: ClassVar[int] = os.EX_SOFTWARE
+    exit_code: ClassVar[int] = EX_SOFTWARE
 
     def __init__(self, message: str, *, remedy: str = "") -> None:
         super().__init__(message)
@@ -49,13 +51,13 @@ class YahboomdError(Exception):
 class ConfigError(YahboomdError):
     """The configuration cannot be used; the message names every mistake in it."""
 
-    exit_code = os.EX_CONFIG
+    exit_code = EX_CONFIG
 
 
 class LinkError(YahboomdError):
     """The serial port cannot be used now; a later attempt may succeed."""
 
-    exit_code = os.EX_UNAVAILABLE
+    exit_code = EX_UNAVAILABLE
 
 
 class PortMissing(LinkError):
@@ -69,7 +71,7 @@ class PortBusy(LinkError):
 class PortDenied(LinkError):
     """The port may not be opened by this user."""
 
-    exit_code = os.EX_NOPERM
+    exit_code = EX_NOPERM
 
 
 class PortLost(LinkError):
@@ -83,7 +85,7 @@ class BoardSilent(LinkError):
 class BoardError(YahboomdError):
     """The board answered, but refuses, or must not be driven with its settings."""
 
-    exit_code = os.EX_CONFIG
+    exit_code = EX_CONFIG
 
 
 class BoardStoresNothing(BoardError):
@@ -93,7 +95,7 @@ class BoardStoresNothing(BoardError):
 class BusError(YahboomdError):
     """The Zenoh session cannot be opened or has been lost for good."""
 
-    exit_code = os.EX_UNAVAILABLE
+    exit_code = EX_UNAVAILABLE
 
 
 class BusConfigError(ConfigError, BusError):
@@ -119,10 +121,10 @@ class CommandEnded(YahboomdError):
 class ListenError(YahboomdError):
     """An address for scrapers cannot be listened on."""
 
-    exit_code = os.EX_UNAVAILABLE
+    exit_code = EX_UNAVAILABLE
 
 
 class LimitError(YahboomdError):
     """The system gives this process too few files or threads, or too little memory."""
 
-    exit_code = os.EX_OSERR
+    exit_code = EX_OSERR

@@ -19,6 +19,7 @@ import os
 import threading
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Generic, TypeVar
 
 import msgspec
@@ -148,14 +149,18 @@ class Inbox:
 
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()
-        self._fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self._fd: int | None = None
+        self._wake_loop: Callable[[], object] = partial(self._loop.call_soon_threadsafe, self._turn)
+        if hasattr(os, "eventfd"):
+            self._fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+            self._wake_loop = partial(os.eventfd_write, self._fd, 1)
+            self._loop.add_reader(self._fd, self._turn)
         self._lanes: list[SampleLane[Any]] = []
         # Those with entries, each once.
         self._urgent: deque[SampleLane[Any]] = deque()
         self._others: deque[SampleLane[Any]] = deque()
         self._woken = False
         self._open = True
-        self._loop.add_reader(self._fd, self._turn)
 
     def lane(
         self,
@@ -192,11 +197,12 @@ class Inbox:
         if not self._open:
             return
         self._open = False
-        self._loop.remove_reader(self._fd)
         for lane in self._lanes:
             lane.close()
-        if not leak:
-            os.close(self._fd)
+        if self._fd is not None:
+            self._loop.remove_reader(self._fd)
+            if not leak:
+                os.close(self._fd)
 
     def wake(self) -> None:
         """Have the loop look into the announced lanes; from any thread."""
@@ -204,11 +210,12 @@ class Inbox:
         # the lanes: at worst it is woken once for nothing.
         if not self._woken and self._open:
             self._woken = True
-            os.eventfd_write(self._fd, 1)
+            self._wake_loop()
 
     def _turn(self) -> None:
         """Deliver each lane once; later entries wait for the next call."""
-        os.eventfd_read(self._fd)
+        if self._fd is not None:
+            os.eventfd_read(self._fd)
         self._woken = False
         if self._urgent:
             self._deliver_urgent()

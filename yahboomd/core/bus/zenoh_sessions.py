@@ -15,13 +15,11 @@ pending data.
 from __future__ import annotations
 
 import asyncio
-import fcntl
 import logging
 import os
 import socket
 import stat
 import struct
-import termios
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing, suppress
@@ -32,6 +30,12 @@ import zenoh
 from yahboomd.core.bus.blocking import bounded
 from yahboomd.core.bus.options import BusOptions, open_offline, short, zenoh_config
 from yahboomd.core.errors import BusConfigError, BusError
+
+try:
+    import fcntl
+    import termios
+except ImportError:  # on Windows, where only clients run
+    fcntl = None  # type: ignore[assignment]
 
 log = logging.getLogger(__name__)
 
@@ -173,6 +177,8 @@ def hang_up_stuck(links: Callable[[], Iterable[tuple[str, str]]]) -> list[str]:
         The other ends of those that were shut down.
     """
     hung_up = list[str]()
+    if fcntl is None or not Path("/proc/self/fd").exists():
+        return hung_up  # only Linux shows a process its connections and their queues
     before = dict[tuple[str, str], int]()
     for _ in range(_ROUNDS):
         # Zenoh soon takes a connection that was shut down off its list. Only then may the session

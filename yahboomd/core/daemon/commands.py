@@ -11,7 +11,6 @@ from yahboomd.core.clock import Clock, nanoseconds
 from yahboomd.core.daemon.black_box import CommandRecorder
 from yahboomd.core.daemon.requests import Operator
 from yahboomd.core.drive.arbiter import Arbiter
-from yahboomd.core.drive.arbitration import Accepted
 from yahboomd.core.messages import cdr
 from yahboomd.core.messages.codecs import Refusal, decode_command, decode_set_pose
 from yahboomd.core.messages.native import SetPoseRequest
@@ -121,7 +120,7 @@ class CommandIntake:
             wall_ns=self._clock.wall_ns() - waited_ns,
             arrivals=1 + arrival.dropped,
         )
-        if isinstance(verdict, Accepted):
+        if verdict is None:
             # The arbiter itself counts the total.
             self._by_source[source]["accepted"] += 1
             if self._recorder is not None:

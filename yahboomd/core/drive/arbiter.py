@@ -22,7 +22,6 @@ import msgspec
 
 from yahboomd.core.drive.age import Age, StampPolicy
 from yahboomd.core.drive.arbitration import (
-    Accepted,
     AllowedSource,
     CommandRefused,
     Decision,
@@ -100,7 +99,7 @@ class Arbiter:
         *,
         wall_ns: int | None = None,
         arrivals: int = 1,
-    ) -> Accepted | CommandRefused:
+    ) -> CommandRefused | None:
         """Accept or refuse a command.
 
         If several commands arrived in one piece, offer them one after the other before the next
@@ -115,7 +114,7 @@ class Arbiter:
             arrivals: The number of commands from this source since the last one offered.
 
         Returns:
-            The outcome; no command raises.
+            The refusal; None if it is in effect. No command raises.
         """
         line = self._lines.get(source)
         if line is None:
@@ -146,15 +145,14 @@ class Arbiter:
         line.feed(twist, given_ns)
         if refusal is not None:
             return refusal
-        took_over = self._holder is not line
-        if took_over:
+        if self._holder is not line:
             self._hand_over(line, now_ns)
         self._last = line
         self._revoked = False
         self._left = None
         self._timeout_counted = False
         self.counters["accepted"] += 1
-        return Accepted(source=source, age_ns=age.age_ns, took_over=took_over)
+        return None
 
     def observe_wheels(
         self, now_ns: int, *, commanded_zero: bool, measured_m_s: Sequence[float] | None

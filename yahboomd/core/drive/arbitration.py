@@ -1,4 +1,4 @@
-"""The values of arbitration: sources, accepted and refused commands, and decisions.
+"""The values of arbitration: sources, refused commands, and decisions.
 
 :mod:`~yahboomd.core.drive.arbiter` decides.
 """
@@ -39,19 +39,6 @@ class AllowedSource(msgspec.Struct, frozen=True, kw_only=True):
     name: str
     priority: int
     timeout_s: float = 0.5
-
-
-class Accepted(msgspec.Struct, frozen=True, kw_only=True):
-    """The command is in effect.
-
-    Attributes:
-        age_ns: The time that it was under way, as far as it can be known.
-        took_over: Whether control changed hands with it.
-    """
-
-    source: str
-    age_ns: int = 0
-    took_over: bool = False
 
 
 class CommandRefused(msgspec.Struct, frozen=True, kw_only=True):
