@@ -91,7 +91,7 @@ schemas-check: $(VENV)/.dev
 	$(PY) -m make.schema_files.generate --check schemas
 
 ##@ Suites that need other languages, or more time (.ci/run runs their short forms)
-.PHONY: fleet interop interop-figures ros-programs generators clients browser firmware firmware-long metrics fuzz mutants planted-faults soak alarms
+.PHONY: fleet interop interop-figures ros-programs generators clients browser firmware firmware-long metrics fuzz mutants planted-faults soak faults alarms
 fleet: $(VENV)/.dev ## the package yahboomd-fleet: its access rules on real routers, its stop, its page (SHORT=1: in a minute)
 	$(PYTEST) $(PARALLEL) $(TIERS) extras/fleet/tests $(ARGS)
 
@@ -150,6 +150,9 @@ planted-faults: $(VENV)/.dev ## which tests find faults put in by hand? TIER=tes
 
 soak: $(VENV)/.dev ## daemon and simulated boards as processes, through eleven kinds of faults: MINUTES=60 SEED=1
 	@PYTHONPATH=tests/plugins $(PY) -m benchmarks.soak --minutes $(MINUTES) --seed $(SEED) $(ARGS)
+
+faults: $(VENV)/.dev ## time from each fault to standing wheels, beside another source tree: BEFORE=tree ARGS='--times 5 --only words' (root; half an hour)
+	@PYTHONPATH=tests/plugins $(PY) -m benchmarks.faults_table --before $(BEFORE) $(ARGS)
 
 alarms: $(VENV)/.dev ## false alarms and cut times on virtual time, random driving on bad lines: MINUTES=60 SEED=1 (STICKS=1.3 FRICTION_SCALES=1,1.1: the floor)
 	@PYTHONPATH=tests/plugins $(PY) -m benchmarks.false_alarms --minutes $(MINUTES) --seed $(SEED) $(ARGS)
