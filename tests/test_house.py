@@ -36,10 +36,10 @@ MOST_CODE = {
     "cli": 5032,
     "client": 1908,
     "core": 17207,
-    "moves": 2074,
+    "moves": 2082,
     "ros2": 1233,
     "simulation": 3152,
-    "tools": 11622,
+    "tools": 11632,
     "web": 3333,
 }
 """The lines of code of each door. They only shrink: a commit that raises one gives the reason, and
