@@ -32,14 +32,14 @@ def test_the_path_for_a_reader_is_there_and_can_be_read_in_a_day() -> None:
 
 
 MOST_CODE = {
-    "blackbox": 1265,
+    "blackbox": 1202,
     "cli": 5032,
     "client": 1908,
-    "core": 17207,
-    "moves": 2082,
-    "ros2": 1233,
+    "core": 17208,
+    "moves": 2074,
+    "ros2": 1230,
     "simulation": 3152,
-    "tools": 11632,
+    "tools": 11633,
     "web": 3333,
 }
 """The lines of code of each door. They only shrink: a commit that raises one gives the reason, and

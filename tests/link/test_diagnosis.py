@@ -15,6 +15,7 @@ from yahboomd.core.errors import BoardSilent, LinkError, PortBusy, PortDenied, P
 from yahboomd.core.link.discovery import Candidate
 from yahboomd.core.link.line import ReceivedSample
 from yahboomd.core.protocol.dialect import FramerCounters
+from yahboomd.core.protocol.registry import unknown_dialect
 from yahboomd.tools.stop.diagnosis import busy, hints, what_was_heard
 
 NOWHERE = Path("/nonexistent/sysfs")
@@ -95,7 +96,6 @@ def test_silence_points_to_power_and_reset() -> None:
     words = what_was_heard(heard(b""))
     assert "No byte came" in words
     assert "RTS" in words
-    assert hints(BoardSilent("silent."), "/dev/x", heard=heard(b"")) == (words,)
 
 
 def test_text_of_another_device_is_quoted() -> None:
@@ -112,6 +112,13 @@ def test_noise_points_to_the_baud_rate() -> None:
 def test_other_errors_have_no_hint_but_the_list_of_ports() -> None:
     assert "--list" in hints(LinkError("odd."), "/dev/null")[0]
     assert hints(BoardSilent("silent."), "/dev/x") == ()
+
+
+def test_a_clone_is_no_bad_cable_and_another_reader_no_silent_board() -> None:
+    words = what_was_heard(heard(b"\x00$pwm+OK\r\nmtype+OK"), "read by cat.")
+    assert "'pwm+OK': it speaks a dialect that yahboomd does not know" in words
+    assert what_was_heard(heard(b""), "/dev/x is also open in cat (pid 5).").endswith("(pid 5).")
+    assert not unknown_dialect(b"Set mtype:OK!\r\nOK+B9600")
 
 
 @given(st.binary(max_size=600))

@@ -121,6 +121,28 @@ async def test_a_board_that_never_tells_everything_is_not_moved() -> None:
         await settings_from(*[b"read_flash:OK!\r\nMotor_type:1\r\n"] * 20)
 
 
+@on_virtual_time
+async def test_a_clone_is_told_from_a_bad_cable() -> None:
+    with pytest.raises(
+        BoardSilent, match="'mtype\\+OK': it speaks a dialect that yahboomd does not"
+    ):
+        await identified(Script(b"mtype+OK"))
+    # Its counts may look like those of a board that is known.
+    with pytest.raises(BoardSilent, match="dialect that yahboomd does not know"):
+        await settings_from(b"pwm+OK$MAll:1,2,3,4#")
+
+
+@on_virtual_time
+async def test_another_reader_of_the_port_is_named_before_the_board_is_blamed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(handshake, "other_readers", lambda path: f"{path} is also open in cat")
+    with pytest.raises(BoardSilent, match="/dev/script is also open in cat"):
+        await identified(Script())
+    with pytest.raises(BoardSilent, match="/dev/script is also open in cat"):
+        await settings_from()
+
+
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("seed", range(5))
 @on_virtual_time

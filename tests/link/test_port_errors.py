@@ -5,11 +5,14 @@ from __future__ import annotations
 import errno
 import os
 import pty
+import subprocess
+from pathlib import Path
 
 import pytest
 
 from yahboomd.core.errors import LinkError, PortBusy, PortDenied, PortMissing
-from yahboomd.core.link.port_errors import explained, holders, lost
+from yahboomd.core.link import port_errors
+from yahboomd.core.link.port_errors import explained, holders, lost, other_readers
 
 
 @pytest.mark.parametrize(
@@ -41,6 +44,35 @@ def test_who_has_a_port_open_is_named_and_not_ourselves() -> None:
         os.close(master)
         os.close(slave)
     assert holders("/dev/not-there") == ()
+
+
+def test_another_reader_of_our_port_is_named_with_the_remedy() -> None:
+    master, slave = pty.openpty()
+    path = os.ttyname(slave)
+    try:
+        with subprocess.Popen(["sleep", "60"], stdin=slave) as reader:
+            words = other_readers(path)
+            reader.kill()
+        assert words == (
+            f"{path} is also open in sleep (pid {reader.pid}). "
+            "Two readers share the board's answers: end the other."
+        )
+        assert other_readers(path) == ""
+    finally:
+        os.close(master)
+        os.close(slave)
+
+
+def test_a_console_on_our_port_is_named_though_its_process_cannot_be_seen(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A Raspberry Pi has one on its UART by default."""
+    (tmp_path / "active").write_text("tty0 ttyAMA0\n")
+    monkeypatch.setattr(port_errors, "CONSOLES", tmp_path / "active")
+    words = other_readers("/dev/ttyAMA0")
+    assert words.startswith("/dev/ttyAMA0 is also open in the system's console.")
+    assert "take console=ttyAMA0 away" in words
+    assert other_readers("/dev/ttyAMA1") == ""
 
 
 def test_a_lost_port_says_why_where_the_kernel_did() -> None:

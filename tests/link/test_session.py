@@ -11,7 +11,7 @@ import pytest
 from board_bench import Bench
 
 from yahboomd.core.errors import BoardError, BoardSilent, PortLost
-from yahboomd.core.link import latency_timer
+from yahboomd.core.link import latency_timer, session
 from yahboomd.core.link.session import SessionOptions
 from yahboomd.core.model import EncoderReading
 from yahboomd.core.protocol.profiles import PROFILES
@@ -180,6 +180,19 @@ async def test_a_latency_timer_is_named_once_for_each_connection(
         await asyncio.sleep(3.0)
         kinds = [event.kind for event in board.recorder.events]
         assert kinds == ["latency_timer"]
+
+
+@on_virtual_time
+async def test_another_reader_of_a_connected_board_is_named_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(session, "other_readers", lambda path: f"{path} is also open in cat.")
+    async with bench("streamed") as board:
+        await board.connected()
+        await asyncio.sleep(3.0)
+        (event,) = board.recorder.events
+        assert (event.kind, event.severity) == ("port_shared", "warning")
+        assert "cat" in event.message
 
 
 class LateBoard(Bench):

@@ -183,7 +183,7 @@ def _examine(port: str, config: Config, want: BoardSettings, *, reopening: bool)
         )
         raise BoardSilent(
             f"{port}: no board answers (opened at {serial.baudrate} baud, {lines}).",
-            remedy=diagnosis.what_was_heard(found.heard),
+            remedy=diagnosis.what_was_heard(found.heard, found.readers),
         )
     return _report(port, config, found, reopened, want)
 

@@ -51,6 +51,7 @@ EventKind: TypeAlias = Literal[
     "odometry_discontinuity",
     "off_speed",
     "paused",
+    "port_shared",
     "port_slow",
     "pose_refused",
     "pose_set",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -54,6 +55,18 @@ def test_a_port_that_a_daemon_holds_is_described_by_the_daemon(
     words = " ".join(capsys.readouterr().out.split())
     assert "streamed dialect, firmware 1.7.3" in words
     assert f"(pid {robot.daemon.process.pid})" in words
+
+
+def test_another_reader_of_the_port_is_named(simulated_board, capsys) -> None:
+    """Whether it takes every answer or some: the board is not called silent or unpowered."""
+    port = simulated_board().port
+    with subprocess.Popen(["cat", port], stdout=subprocess.DEVNULL) as reader:
+        assert main(["probe", "--port", port]) != 0
+        reader.kill()
+    output = capsys.readouterr()
+    words = " ".join((output.out + output.err).split())
+    assert f"{port} is also open in cat (pid {reader.pid}). Two readers share" in words
+    assert "supply connected" not in words
 
 
 def test_what_is_no_port_is_explained(capsys) -> None:

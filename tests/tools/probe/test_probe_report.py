@@ -87,7 +87,7 @@ def test_a_type_of_other_motors_names_the_profile_that_fits() -> None:
 def test_settings_that_a_streamed_board_does_not_tell_are_a_problem() -> None:
     found = reported(board(settings=None))
     assert found.settings == ()
-    assert "without them no wheel may turn" in found.problems[0]
+    assert "without which no wheel may turn. Is the cable bad" in found.problems[0]
 
 
 def test_a_board_that_answers_without_counters_is_a_problem_with_the_reason() -> None:

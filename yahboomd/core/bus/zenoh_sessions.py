@@ -30,6 +30,7 @@ import zenoh
 from yahboomd.core.bus.blocking import bounded
 from yahboomd.core.bus.options import BusOptions, open_offline, short, zenoh_config
 from yahboomd.core.errors import BusConfigError, BusError
+from yahboomd.core.processes import name_and_parent, processes_with
 
 try:
     import fcntl
@@ -80,7 +81,7 @@ def port_holder(port: int) -> str | None:
     Returns:
         None if none is found; without privileges, a process of another user is never found.
     """
-    inodes = set[str]()
+    inodes = set[int]()
     for table in ("/proc/net/tcp", "/proc/net/tcp6"):
         try:
             lines = Path(table).read_text(encoding="ascii").splitlines()[1:]
@@ -89,23 +90,9 @@ def port_holder(port: int) -> str | None:
         for line in lines:
             fields = line.split()
             if fields[3] == _LISTENING and int(fields[1].rpartition(":")[2], 16) == port:
-                inodes.add(f"socket:[{fields[9]}]")
-    if not inodes:
-        return None
-    for name in os.listdir("/proc"):
-        folder = Path("/proc", name)
-        try:
-            if name.isdigit() and not inodes.isdisjoint(_open_files(folder)):
-                return f"{(folder / 'comm').read_text(encoding='utf-8').strip()} ({name})"
-        except OSError:  # it ended meanwhile, or is another user's
-            continue
-    return None
-
-
-def _open_files(folder: Path) -> Iterator[str]:
-    for fd in (folder / "fd").iterdir():
-        with suppress(FileNotFoundError):  # closed meanwhile
-            yield str(fd.readlink())
+                inodes.add(int(fields[9]))
+    found = processes_with(lambda file: stat.S_ISSOCK(file.st_mode) and file.st_ino in inodes)
+    return next((f"{name_and_parent(status)[0]} ({pid})" for pid, status in found.items()), None)
 
 
 def _in_use(text: str, options: BusOptions) -> BusError:
@@ -211,9 +198,7 @@ def _unsent(wanted: Iterable[tuple[str, str]]) -> list[tuple[tuple[str, str], in
     return found
 
 
-def _sockets(
-    wanted: Iterable[tuple[str, str]],
-) -> Iterator[tuple[socket.socket, tuple[str, str]]]:
+def _sockets(wanted: Iterable[tuple[str, str]]) -> Iterator[tuple[socket.socket, tuple[str, str]]]:
     """This process's connected sockets between such pairs of addresses, each closed after use."""
     pairs = set(wanted)
     for name in os.listdir("/proc/self/fd"):

@@ -57,13 +57,7 @@ class Listener(Protocol):
 class ConnectedBoard:
     """Commands to the wheels, each written at once if the line is free."""
 
-    def __init__(
-        self,
-        line: Line,
-        identity: Identity,
-        listener: Listener,
-        poller: Poller,
-    ) -> None:
+    def __init__(self, line: Line, identity: Identity, listener: Listener, poller: Poller) -> None:
         self._line = line
         self._dialect = identity.dialect
         self._listener = listener

@@ -190,18 +190,12 @@ def without_driver(sysfs: Path = Path("/sys/bus/usb/devices")) -> str:
                 )
             return (
                 "A CH340 is on USB, but the kernel made no tty of it: its ch341 driver is missing "
-                "(some Jetson kernels lack it). Try: sudo modprobe ch341; docs/install.md explains "
-                "how to build it."
+                "(some Jetson kernels lack it). Try: sudo modprobe ch341; docs/troubleshooting.md "
+                "explains how to build it."
             )
     return ""
 
 
 def _by_path(device: str) -> str | None:
-    folder = Path("/dev/serial/by-path")
-    try:
-        for link in sorted(folder.iterdir()):
-            if os.path.realpath(link) == os.path.realpath(device):
-                return str(link)
-    except OSError:
-        pass
-    return None
+    links = sorted(Path("/dev/serial/by-path").glob("*"))
+    return next((str(link) for link in links if link.resolve() == Path(device).resolve()), None)

@@ -12,10 +12,10 @@ import msgspec
 from yahboomd.core.clock import nanoseconds, sleep_until
 from yahboomd.core.errors import BoardError, BoardSilent
 from yahboomd.core.link.line import Line
-from yahboomd.core.link.port_errors import takes_no_output
+from yahboomd.core.link.port_errors import other_readers, takes_no_output
 from yahboomd.core.link.stopping import stop_unidentified
 from yahboomd.core.protocol.dialect import Battery, Decoded, Dialect, Setting, Totals, VersionLine
-from yahboomd.core.protocol.registry import DIALECTS
+from yahboomd.core.protocol.registry import DIALECTS, unknown_dialect
 from yahboomd.core.protocol.registry import identify as recognise
 from yahboomd.core.protocol.settings import VERSION, BoardSettings, SettingValue, is_complete
 
@@ -101,8 +101,10 @@ async def identify(line: Line, wanted: str = "auto", *, stop_first: bool = True)
     )
     raise BoardSilent(
         f"{port.name}: no board answers here; received {heard}.",
-        remedy=f"Is it powered, is this its port, is the baud rate the board's, is it a {titles}? "
-        f"{slow}No counts come, so whether its wheels stand is unknown: look at them.",
+        remedy=unheard_because(
+            line, f"Is it powered, is this its port and baud rate, is it a {titles}?"
+        )
+        + f" {slow}No counts come, so whether its wheels stand is unknown: look at them.",
     )
 
 
@@ -152,8 +154,15 @@ async def await_reports(line: Line, dialect: Dialect) -> None:
         )
     raise BoardSilent(
         f"{line.port.name}: the board answers, and reports no counts.",
-        remedy=dialect.silence(volts, stored),
+        remedy=unheard_because(line, dialect.silence(volts, stored)),
     )
+
+
+def unheard_because(
+    line: Line, otherwise: str = "Is the cable long or noisy? Try `yahboomd probe`."
+) -> str:
+    """Why answers are missing: a clone's dialect, another reader of the port, or something else."""
+    return unknown_dialect(line.heard.start) or other_readers(line.port.name) or otherwise
 
 
 async def ask_supply(line: Line, dialect: Dialect) -> tuple[float | None, BoardSettings]:
@@ -213,7 +222,7 @@ async def read_settings(
     raise BoardSilent(
         f"{line.port.name}: the board does not send its settings, and without them no wheel may "
         "turn.",
-        remedy="Is the cable long or noisy? Try `yahboomd probe`.",
+        remedy=unheard_because(line),
     )
 
 

@@ -21,12 +21,7 @@ from yahboomd.core.link.port import Port
 from yahboomd.core.link.port_errors import lost
 from yahboomd.core.link.port_guard import PortGuard
 from yahboomd.core.link.start_notices import Notice, StartNotices
-from yahboomd.core.link.stopping import (
-    DRAIN_S,
-    StopReport,
-    bring_to_rest,
-    stop_unidentified,
-)
+from yahboomd.core.link.stopping import DRAIN_S, StopReport, bring_to_rest, stop_unidentified
 from yahboomd.core.link.tap import NO_TAP, Tap, TappedPort
 from yahboomd.core.link.vital_tasks import VitalTasks, undisturbed
 from yahboomd.core.link.writer import Spacing, Writer
@@ -128,10 +123,7 @@ class Line:
         self.dialect: Dialect | None = None
         self.tasks = VitalTasks()
         self.writer = Writer(
-            port,
-            clock,
-            resend_ns=self._resend_ns,
-            spacing=Spacing(frame_ns=connect_spacing_ns()),
+            port, clock, resend_ns=self._resend_ns, spacing=Spacing(frame_ns=connect_spacing_ns())
         )
         self.watch = CountedStandstill(still_ticks_per_s)
         self.notices = StartNotices()

@@ -5,10 +5,15 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+from pathlib import Path
 
 from yahboomd.core.errors import LinkError, PortBusy, PortDenied, PortLost, PortMissing
+from yahboomd.core.link.port_identity import is_pseudo
+from yahboomd.core.processes import name_and_parent, processes_with
 
 GUARD_NAME = "yahboomd-guard"
+
+CONSOLES = Path("/sys/class/tty/console/active")
 
 
 def takes_no_output(path: str) -> PortLost:
@@ -41,14 +46,10 @@ def explained(path: str, error: Exception) -> LinkError:
             f"{path}: the port is held{named}.",
             remedy="One process owns the board: stop the other one, or use its bus instead.",
         )
-    if code == errno.ENOTTY or "Inappropriate ioctl" in words:
-        return LinkError(
-            f"{path}: this is no serial port.",
-            remedy="`yahboomd probe --list` shows the ports that there are.",
-        )
+    is_other = code == errno.ENOTTY or "Inappropriate ioctl" in words
+    fault = "this is no serial port" if is_other else f"the port cannot be used: {words}"
     return LinkError(
-        f"{path}: the port cannot be used: {words}.",
-        remedy="Is the path right? `yahboomd probe --list` names the serial ports.",
+        f"{path}: {fault}.", remedy="`yahboomd probe --list` shows the serial ports that there are."
     )
 
 
@@ -58,28 +59,37 @@ def holders(path: str) -> tuple[str, ...]:
     A guard beside its owner is left out: it ends with the owner's port.
     """
     try:
-        device = os.stat(path).st_rdev
+        port = os.stat(path)
     except OSError:
         return ()
-    found: dict[str, str] = {}
-    for entry in os.listdir("/proc"):
-        if not entry.isdigit() or int(entry) == os.getpid():
-            continue
-        with contextlib.suppress(OSError):
-            for fd in os.listdir(f"/proc/{entry}/fd"):
-                with contextlib.suppress(OSError):
-                    if os.stat(f"/proc/{entry}/fd/{fd}").st_rdev == device != 0:
-                        with open(f"/proc/{entry}/stat", encoding="utf-8") as stat:
-                            found[entry] = stat.read()
-                        break
-    owners = {*found, str(os.getpid())}
-    names = []
+    # A container has pseudo-terminals of its own with the same numbers.
+    place = port.st_dev if is_pseudo(port.st_rdev) else None
+    found = processes_with(
+        lambda file: file.st_rdev == port.st_rdev != 0 and place in {None, file.st_dev}
+    )
+    own, names = os.getpid(), []
     for pid, status in found.items():
-        # The name stands in brackets, and may contain brackets itself.
-        name, _, rest = status.partition("(")[2].rpartition(")")
-        if name != GUARD_NAME or rest.split()[1] not in owners:
+        name, parent = name_and_parent(status)
+        if pid != own and (name != GUARD_NAME or parent not in {*found, own}):
             names.append(f"{name} (pid {pid})")
     return tuple(names)
+
+
+def other_readers(path: str) -> str:
+    """A sentence about others that have our open port open, with the remedy; empty without any.
+
+    A service may not see the processes of other users, but it sees whether its port is a console.
+    """
+    tty = os.path.basename(os.path.realpath(path))
+    who, remedy = ", ".join(holders(path)), "Two readers share the board's answers: end the other."
+    with contextlib.suppress(OSError):
+        if tty in CONSOLES.read_text(encoding="utf-8").split():
+            who = who or "the system's console"
+            remedy = (
+                f"The kernel's command line makes it a console: take console={tty} away (on a "
+                "Raspberry Pi console=serial0) and restart; docs/install.md has the commands."
+            )
+    return f"{path} is also open in {who}. {remedy}" if who else ""
 
 
 def lost(path: str, error: Exception | None) -> PortLost:

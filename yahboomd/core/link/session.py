@@ -18,6 +18,7 @@ from yahboomd.core.link.handshake import Identity
 from yahboomd.core.link.line import Line
 from yahboomd.core.link.poller import Poller
 from yahboomd.core.link.port import Opener, Port
+from yahboomd.core.link.port_errors import other_readers
 from yahboomd.core.link.port_guard import PortGuard
 from yahboomd.core.link.stopping import StopReport
 from yahboomd.core.link.tap import NO_TAP, Tap
@@ -160,9 +161,11 @@ class Session:
         poller.arm()
         self._tap.identified(dialect.name, settings)
         listener.connected(board, identity)
-        if (words := latency_timer.describe(line.port.name)) is not None:
+        if words := latency_timer.describe(line.port.name):
             words = " ".join(words.splitlines())
             listener.event(Event(kind="latency_timer", severity="warning", message=words))
+        if words := other_readers(line.port.name):
+            listener.event(Event(kind="port_shared", severity="warning", message=words))
         line.tasks.start(poller.run(), "link-poller")
         if dialect.battery is not None and options.battery_period_s > 0.0:
             asking = board.ask_battery(dialect.battery, options.battery_period_s)
@@ -176,11 +179,8 @@ class Session:
             "reach the board late; yahboomd queues one frame at most. Look at the USB cable, the "
             "hub and the load of the machine."
         )
-        self._listener.event(
-            Event(
-                kind="port_slow",
-                severity="warning",
-                message=words,
-                data={"bytes_per_s": round(bytes_per_s)},
-            )
+        rate = round(bytes_per_s)
+        event = Event(
+            kind="port_slow", severity="warning", message=words, data={"bytes_per_s": rate}
         )
+        self._listener.event(event)

@@ -66,14 +66,7 @@ class Writer:
         on_slow: Called once, with the bytes per second, if the port sends slower than its rate.
     """
 
-    def __init__(
-        self,
-        port: Port,
-        clock: Clock,
-        *,
-        resend_ns: int,
-        spacing: Spacing,
-    ) -> None:
+    def __init__(self, port: Port, clock: Clock, *, resend_ns: int, spacing: Spacing) -> None:
         self._port = port
         self._clock = clock
         self._outbox = Outbox(resend_ns=resend_ns)

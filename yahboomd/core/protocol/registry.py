@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from typing import Final
 
@@ -59,6 +60,16 @@ def identify(heard: Iterable[tuple[str, Item]]) -> str | None:
         if any(dialect.recognises(item) for found_by, item in seen if found_by == name):
             return name
     return None
+
+
+def unknown_dialect(heard: bytes) -> str:
+    """A sentence about a board that answers our commands as some clones do; empty for others."""
+    if (answer := re.search(rb"\w+\+OK", heard)) is None:
+        return ""
+    return (
+        f"The board answers {answer[0].decode()!r}: it speaks a dialect that yahboomd does not "
+        "know. Some compatible boards do, with whose firmware yahboomd cannot drive."
+    )
 
 
 def check_storable(want: BoardSettings) -> None:

@@ -12,6 +12,7 @@ from yahboomd.core.errors import BoardSilent
 from yahboomd.core.link.conversation import Conversation
 from yahboomd.core.link.line import Line, ReceivedSample
 from yahboomd.core.link.port import Opener
+from yahboomd.core.link.port_errors import other_readers
 from yahboomd.core.model import Counts
 from yahboomd.core.protocol.dialect import Dialect
 from yahboomd.core.protocol.settings import BoardSettings
@@ -33,6 +34,7 @@ class Examination(msgspec.Struct, frozen=True, kw_only=True):
         ticks: Its counters; None if they did not come.
         standing: Whether the wheels were seen to stand; None if no counts came.
         silence: Why no counts came although the board answers; empty if that is not known.
+        readers: Who else has the port open, with the remedy; empty if none was seen.
     """
 
     dialect: Dialect | None
@@ -41,6 +43,7 @@ class Examination(msgspec.Struct, frozen=True, kw_only=True):
     ticks: Counts | None = None
     standing: bool | None = None
     silence: str = ""
+    readers: str = ""
     heard: ReceivedSample
 
 
@@ -61,7 +64,9 @@ async def examine(
         try:
             talk = await Conversation.begin(line)
         except BoardSilent:
-            return Examination(dialect=None, heard=line.heard)
+            return Examination(
+                dialect=None, heard=line.heard, readers=other_readers(line.port.name)
+            )
         settings, volts = None, None
         if not counters_only:
             try:
@@ -80,6 +85,7 @@ async def examine(
             ticks=line.ticks if ticks is not None else None,
             standing=report.stood,
             silence=silence,
+            readers=other_readers(line.port.name),
             heard=line.heard,
         )
 

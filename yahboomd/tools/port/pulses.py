@@ -21,6 +21,7 @@ import msgspec
 from yahboomd.core.clock import Clock, nanoseconds, seconds, sleep_until
 from yahboomd.core.counts import unwrapped
 from yahboomd.core.errors import BoardError
+from yahboomd.core.link.handshake import unheard_because
 from yahboomd.core.link.line import Line
 from yahboomd.core.model import CHANNELS, Counts
 from yahboomd.core.protocol.dialect import Dialect
@@ -394,7 +395,7 @@ class Pulses:
         if report.stood is None:
             raise BoardError(
                 f"{line.port.name}: {motors} was let go, and no counts come.",
-                remedy="Is the cable long or noisy? Try `yahboomd probe`.",
+                remedy=unheard_because(line),
             )
         if not report.stood:
             raise BoardError(

@@ -11,6 +11,7 @@ from yahboomd.core.link.storing import Outcome
 from yahboomd.core.model import Counts
 from yahboomd.core.protocol.dialect import Findings
 from yahboomd.core.protocol.profiles import MotorProfile
+from yahboomd.core.protocol.registry import unknown_dialect
 from yahboomd.core.protocol.settings import (
     VERSION,
     BoardSettings,
@@ -119,6 +120,8 @@ def report(
             "A wheel turns though every motor is let go: a hand, a slope, or a driver that is "
             "broken. Find out which before anything drives."
         )
+    if found.readers:
+        wrong.append(found.readers)
     if found.silence:
         wrong.append(f"The board answers, and sends no counters. {found.silence}")
     if settings is not None:
@@ -127,10 +130,9 @@ def report(
         meant = dialect.findings(settings, profile)
         wrong += [*meant.unfit, *meant.wrong]
     elif dialect.read_settings:
-        wrong.append(
-            "The board does not send all of its settings, and without them no wheel may turn: a "
-            "bad cable, or noise from the motors."
-        )
+        why = unknown_dialect(found.heard.start) or "Is the cable bad, or near the motors?"
+        words = "The board does not send all of its settings, without which no wheel may turn."
+        wrong.append(f"{words} {why}")
     return Report(
         port=port,
         device=device,

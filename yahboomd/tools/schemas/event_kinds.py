@@ -269,6 +269,9 @@ KINDS: dict[EventKind, KindInfo] = {
     "latency_timer": KindInfo(
         ("warning",), "The USB adapter holds bytes back for longer than it needs to."
     ),
+    "port_shared": KindInfo(
+        ("warning",), "Another process has the board's port open, and takes some of its answers."
+    ),
     "port_slow": KindInfo(
         ("warning",),
         "The port sends slower than its rate, once for each connection.",

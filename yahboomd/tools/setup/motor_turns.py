@@ -13,6 +13,7 @@ from yahboomd.core.counts import unwrapped
 from yahboomd.core.drive.kinematics import unit_geometry
 from yahboomd.core.errors import BoardSilent, Refused
 from yahboomd.core.link.conversation import Conversation
+from yahboomd.core.link.handshake import unheard_because
 from yahboomd.core.model import CHANNELS, Counts
 from yahboomd.tools.calibrate.estimates.wiring import (
     HandTurn,
@@ -331,7 +332,7 @@ async def _counting(talk: Conversation) -> Counts:
             return counts
     raise BoardSilent(
         "The board answers, but sends no counters.",
-        remedy=await why_silent(talk) or "Is the cable long or noisy? Try `yahboomd probe`.",
+        remedy=await why_silent(talk) or unheard_because(talk.line),
     )
 
 

@@ -122,9 +122,8 @@ class Wizard:
     async def _examine(self, want: BoardSettings) -> tuple[Dialect, Examination]:
         found = await probing.examine(self._opener, self._clock, want)
         if found.dialect is None:
-            raise BoardSilent(
-                f"{self._port}: no board answers.", remedy=diagnosis.what_was_heard(found.heard)
-            )
+            remedy = diagnosis.what_was_heard(found.heard, found.readers)
+            raise BoardSilent(f"{self._port}: no board answers.", remedy=remedy)
         self._settings = found.settings
         self._volts = found.volts
         return found.dialect, found

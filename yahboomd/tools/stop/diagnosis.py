@@ -9,11 +9,11 @@ import stat
 from collections.abc import Iterable
 from pathlib import Path
 
-from yahboomd.core.errors import BoardSilent, LinkError, PortBusy, PortDenied, PortMissing
+from yahboomd.core.errors import LinkError, PortBusy, PortDenied, PortMissing
 from yahboomd.core.link.discovery import Candidate, without_driver
 from yahboomd.core.link.line import ReceivedSample
 from yahboomd.core.link.port_errors import holders
-from yahboomd.core.protocol.registry import DIALECTS
+from yahboomd.core.protocol.registry import DIALECTS, unknown_dialect
 
 KNOWN_HOLDERS = {
     "brltty": "brltty takes CH340 devices for braille displays: sudo apt remove brltty, then plug "
@@ -40,14 +40,12 @@ def hints(
     path: str,
     *,
     found: Iterable[Candidate] = (),
-    heard: ReceivedSample | None = None,
     sysfs: Path = Path("/sys/bus/usb/devices"),
 ) -> tuple[str, ...]:
     """Further facts about an error, the most likely cause first.
 
     Args:
         path: The wanted port; empty if none was found.
-        heard: The bytes from the port, if it was open.
     """
     if isinstance(error, PortMissing):
         return _missing(str(error), path, found, sysfs)
@@ -55,8 +53,6 @@ def hints(
         return _denied(path)
     if isinstance(error, PortBusy):
         return busy(holders(path))
-    if isinstance(error, BoardSilent) and heard is not None:
-        return (what_was_heard(heard),)
     if type(error) is LinkError:
         return ("Is the path right? `yahboomd probe --list` names the serial ports.",)
     return ()
@@ -109,9 +105,15 @@ def busy(who: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(KNOWN_HOLDERS[name] for name in names if name in KNOWN_HOLDERS)
 
 
-def what_was_heard(heard: ReceivedSample) -> str:
-    """Describe the bytes of a port without a board, and their likely cause."""
+def what_was_heard(heard: ReceivedSample, readers: str = "") -> str:
+    """Describe the bytes of a port without a board, and their likely cause.
+
+    Args:
+        readers: Who else has the port open, as a sentence.
+    """
     data = heard.start
+    if words := unknown_dialect(data) or readers:
+        return words
     if not data:
         return (
             "No byte came. Is the board's own switch on, and its supply connected? Another "

@@ -20,6 +20,7 @@ from yahboomd.core.config import Config
 from yahboomd.core.counts import unwrapped
 from yahboomd.core.errors import BoardError, BoardSilent
 from yahboomd.core.link.conversation import Conversation
+from yahboomd.core.link.handshake import unheard_because
 from yahboomd.core.link.line import Line
 from yahboomd.core.link.port import Opener
 from yahboomd.core.model import CHANNELS, NS_PER_S, Counts, EncoderReading, Motor
@@ -145,7 +146,7 @@ class Stand:
                     if await read_counters(talk) is None:
                         raise BoardSilent(
                             f"{line.port.name}: the board sends no counters.",
-                            remedy="Is the cable long or noisy? Try `yahboomd probe`.",
+                            remedy=unheard_because(line),
                         )
                     if dialect.poll is not None:
                         line.tasks.start(stand._poll(dialect.poll), "poll")
