@@ -5,9 +5,11 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import msgspec
 import pytest
+import zenoh
 
-from yahboomd.core.bus.options import BusOptions
+from yahboomd.core.bus.options import BusOptions, zenoh_config
 from yahboomd.core.errors import BusConfigError
 from yahboomd.tools.robot.zenoh_file import judge
 
@@ -30,6 +32,15 @@ RULES = """{ access_control: { enabled: true, default_permission: "deny",
         ("{ transport: { unicast: { accept_timeout: 9, lowlatency: true } } }",
          "transport/unicast/lowlatency"),
         (RULES, "access_control"),
+        ('{ access_control: { enabled: true, default_permission: "maybe" } }',
+         "access_control/default_permission"),
+        ('{ transport: { link: { protocols: ["udp"] } } }', "transport/link/protocols"),
+        (('{ transport: { auth: { usrpwd: { user: "a", password: "b",'
+         ' dictionary_file: "/nowhere" } } } }'), "transport/auth/usrpwd/dictionary_file"),
+        (('{ qos: { network: [{ messages: ["put"], key_exprs: ["**"], flows: ["egress"],'
+         ' overwrite: { priority: "urgent" } }] } }'), "qos/network"),
+        (('{ downsampling: [{ flows: ["egress"], messages: ["push"],'
+         ' rules: [{ key_expr: "a//b", freq: 10 }] }] }'), "downsampling"),
         ('{ mode: "router" }', "mode"),
         ('{ namespace: "bot7" }', "namespace"),
     ],
@@ -43,6 +54,25 @@ def test_a_file_that_no_network_can_mend_is_refused_with_its_key(
         judge(BusOptions(config_file=file))
     assert caught.value.message.startswith(f"The Zenoh configuration {file} ")
     assert f" {key}: " in caught.value.message or f" sets {key}, " in caught.value.message
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "{ transport: { unicast: { lowlatency: true, qos: { enabled: false } } } }",
+        "{ adminspace: { enabled: true, permissions: { read: true, write: true } } }",
+        "{ transport: { shared_memory: { enabled: true } } }",
+        "{ timestamping: { enabled: false }, transport: { link: { tx: { lease: 10 } } } }",
+    ],
+)
+def test_a_file_that_run_takes_passes(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "zenoh.json5"
+    file.write_text(text)
+    # Whether this machine has the interface now is not for the file to say.
+    options = BusOptions(config_file=file, listen=("tcp/192.0.2.1:7448#iface=wlan9",), connect=())
+    judge(options)
+    plain = msgspec.structs.replace(options, listen=("tcp/127.0.0.1:0",))
+    zenoh.open(zenoh_config(plain)).close()
 
 
 def test_a_file_that_is_no_json5_is_refused_with_its_line(tmp_path: Path) -> None:

@@ -42,6 +42,11 @@ _TEXT_OR_COMMENT = re.compile(
 """Of JSON5; one without its end extends to the end of the text, so that the search is made once."""
 
 
+_ON_PORTS = ("tcp/", "udp/", "tls/", "quic/")
+_PLACE = r"(tcp|udp)/.*|(tls|quic)/[^?#]*"
+"""The address of an endpoint, and an interface that may be missing now."""
+
+
 class BusOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Options of a Zenoh session.
 
@@ -138,13 +143,14 @@ def zenoh_config(options: BusOptions, *, uplink: bool = False) -> zenoh.Config:
 def open_offline(options: BusOptions) -> None:
     """Open and close a session with these options that reaches no network.
 
-    A listener for TLS listens on a free port of this machine: its certificate and key are read.
+    Its listeners listen on free ports of this machine: their protocol has to be allowed, and a
+    certificate and its key are read.
 
     Raises:
         BusConfigError: Zenoh refuses them, whatever the network does.
     """
-    listen = (each for each in options.listening if each.startswith(("tls/", "quic/")))
-    own = tuple(re.sub(r"/[^?#]*", "/127.0.0.1:0", each, count=1) for each in listen)
+    listen = (each for each in options.listening if each.startswith(_ON_PORTS))
+    own = tuple(re.sub(_PLACE, r"\1\2/127.0.0.1:0", each) for each in listen)
     config = zenoh_config(msgspec.structs.replace(options, mode="peer", listen=own, connect=()))
     config.insert_json5("scouting/multicast/enabled", "false")
     try:

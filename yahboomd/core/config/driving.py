@@ -55,12 +55,10 @@ class Limits(Section):
 
     # Lowering the speed must not remove the ramps.
     linear: Annotated[AxisLimits, BeforeValidator(_over(LINEAR))] = Field(
-        default=LINEAR,
-        description="Forward and sideways: m/s, m/s^2, m/s^2, m/s^3.",
+        default=LINEAR, description="Forward and sideways: m/s, m/s^2, m/s^2, m/s^3."
     )
     angular: Annotated[AxisLimits, BeforeValidator(_over(ANGULAR))] = Field(
-        default=ANGULAR,
-        description="Turning: rad/s, rad/s^2, rad/s^2, rad/s^3.",
+        default=ANGULAR, description="Turning: rad/s, rad/s^2, rad/s^2, rad/s^3."
     )
 
 

@@ -372,10 +372,7 @@ class Chassis(Section):
         "as `yahboomd calibrate tape` measures it: moves begin and end with it. 0: unknown.",
     )
     break_away_angular_rad_s: float = Field(
-        default=0.0,
-        ge=0.0,
-        le=6.0,
-        description="The same for turns in place, in rad/s.",
+        default=0.0, ge=0.0, le=6.0, description="The same for turns in place, in rad/s."
     )
     calibration_file: AnyPath = Field(
         default="",

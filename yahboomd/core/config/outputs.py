@@ -151,8 +151,7 @@ class Ros2(Section):
         default="joint_states", description="Topic of the joint states."
     )
     imu_topic: Topic = Field(
-        default="imu",
-        description="Topic of the inertial sensor: data_raw and data below it.",
+        default="imu", description="Topic of the inertial sensor: data_raw and data below it."
     )
     battery_state_topic: Topic = Field(
         default="battery_state", description="Topic of the battery's state."
@@ -189,8 +188,7 @@ class BlackBox(Section):
         "disconnect and crash.",
     )
     folder: AbsolutePath = Field(
-        default="",
-        description="Folder of the saved boxes. Empty: blackbox in the state directory.",
+        default="", description="Folder of the saved boxes. Empty: blackbox in the state directory."
     )
 
 
