@@ -35,7 +35,7 @@ MOST_CODE = {
     "blackbox": 1202,
     "cli": 5032,
     "client": 1908,
-    "core": 17208,
+    "core": 17205,
     "moves": 2074,
     "ros2": 1230,
     "simulation": 3152,

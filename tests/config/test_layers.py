@@ -28,6 +28,27 @@ def test_a_byte_order_mark_and_windows_line_ends_are_no_mistake(layers, tmp_path
 
 
 @pytest.mark.parametrize(
+    ("written", "meant"),
+    [
+        ("[chassis]\nwheel_radius_m = 0,0335 # m", "a number has a decimal point, not a comma"),
+        ("[limits]\nlinear = { velocity = -0,5 }", "a number has a decimal point, not a comma"),
+        ("[serial]\nport = “/dev/ttyUSB0”", "its quotes are straight: \" or '"),
+        ("[serial]\nport = \u2018/dev/ttyUSB0\u2019", "its quotes are straight: \" or '"),
+        ("# mine\nserial:\n  port: /dev/ttyUSB0", "this looks like YAML or JSON, and the file is"),
+        ('# mine\n{ "serial": { "port": 1 } }', "this looks like YAML or JSON, and the file is"),
+        ("\n- serial", "this looks like YAML or JSON, and the file is"),
+    ],
+)
+def test_habits_of_other_languages_get_what_toml_wants(layers, tmp_path, written, meant):
+    path = tmp_path / "config.toml"
+    path.write_text(f"{written}\n", encoding="utf-8")
+    layers.read_file(path)
+    ((origin, words),) = layers.mistakes
+    assert origin.words == f"{path}:2"
+    assert f"; {meant}" in words
+
+
+@pytest.mark.parametrize(
     ("content", "line", "expected"),
     [
         (b"[log]\nlevel = \n", 2, "not valid TOML: Invalid value (at line 2, column 9)"),

@@ -47,6 +47,13 @@ _BARE_TEXT = re.compile(
 )
 """A line of TOML whose value is text without its quotes."""
 
+_MISTYPED = {
+    r".*[\u2018-\u201f\xab\xbb]": "its quotes are straight: \" or '",
+    r".*=\s*[-+]?\d+,\d+\s*([,}#]|$)": "a number has a decimal point, not a comma",
+    r"""["'\w.-]+\s*:(\s|$)|- |\{""": "this looks like YAML or JSON, and the file is TOML",
+}
+"""Mistakes of people who write TOML seldom: the line that has one, and what TOML wants."""
+
 _PART = r"""(?:\s*"[^"]*"\s*|\s*'[^']*'\s*|[^."'=]+)"""
 _OVERRIDE = re.compile(rf"(?P<key>{_PART}(?:\.{_PART})+)=(?P<value>.*)", re.DOTALL)
 """More lenient than TOML: shells eat the quotes of command.sources."cmd_vel/teleop".priority."""
@@ -231,12 +238,14 @@ def _dots_of_key(line: str) -> int:
 
 
 def _explained(error: str, text: str) -> tuple[str, int]:
-    """A syntax error of ``tomllib`` with the line, and the quotes that are most often missing."""
+    """A syntax error of ``tomllib`` with the line, and what was most likely meant."""
     at = _LINE.search(error)
     line = int(at[1]) if at else text.rstrip().count("\n") + 1
     # The line is not repeated: it may have a secret.
-    bare = _BARE_TEXT.fullmatch(text.split("\n")[line - 1].strip())
+    words = text.split("\n")[line - 1].strip()
+    bare = _BARE_TEXT.fullmatch(words)
     hint = f'; text needs quotes: {bare["key"]} = "..."' if bare else ""
+    hint = next((f"; {meant}" for each, meant in _MISTYPED.items() if re.match(each, words)), hint)
     return f"not valid TOML: {error}{hint}", line
 
 
