@@ -37,7 +37,7 @@ MOST_CODE = {
     "client": 1908,
     "core": 17205,
     "moves": 2074,
-    "ros2": 1230,
+    "ros2": 1233,
     "simulation": 3152,
     "tools": 11633,
     "web": 3333,

@@ -159,7 +159,7 @@ async def test_an_acknowledgement_says_when_the_stop_would_not_survive_a_restart
     message = (await bench.operator.acknowledged(words)).message
     assert message.startswith("Emergency stop engaged by a test.")
     assert ("would not survive a restart" in message) is hangs
-    assert ("not on file" in bench.controller.state()[1]) is hangs
+    assert ("not on file" in bench.controller.state()[1][0].text) is hangs
     assert bench.controller.status_values()["estop_not_on_file"] == int(hangs)
     let_go.set()
     monkeypatch.setattr(latch, "SETTLE_S", 60.0)
@@ -319,7 +319,7 @@ async def test_who_engaged_the_estop_is_named_as_the_query_says(tmp_path: Path) 
         answer = await served(bench).ask(keys.ESTOP, b'{"by": "the red button"}')
         engaged = "engaged by the red button"
         assert answer["message"].startswith(f"Emergency stop {engaged}.")
-        assert engaged in bench.controller.state()[1]
+        assert engaged in bench.controller.state()[1][0].text
 
 
 @on_virtual_time

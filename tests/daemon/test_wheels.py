@@ -334,3 +334,20 @@ def test_counts_between_two_judgements_are_judged_with_the_second(board: Recorde
     for n in range(1, 8):
         wheels.measure((1000 + n * 6) * MS, (0.2, 0.2), (n * n, -n))
     assert seen == [(0, 0), (15, -3), (33, -3)]
+
+
+def test_a_setpoint_that_moves_no_wheel_is_known_after_two_seconds(board: Recorded) -> None:
+    wheels = make(board)
+    wheels.turn((0.01, 0.02))
+    for ms in range(0, 1990, 10):
+        # An encoder that rests on an edge flickers by a count.
+        wheels.measure(ms * MS, (0.0, 0.0), (ms // 10 % 2, 0))
+    assert wheels.unmoved_m_s == 0.0
+    wheels.measure(2000 * MS, (0.0, 0.0), (0, 0))
+    assert wheels.unmoved_m_s == 0.02
+    wheels.measure(2010 * MS, (0.0, 0.0), (0, 500))
+    wheels.measure(2020 * MS, (0.0, 0.0), (0, 500))
+    assert wheels.unmoved_m_s == 0.0
+    wheels.stand(2030 * MS, at_once=True)
+    standing(wheels, 2040, 5000)
+    assert wheels.unmoved_m_s == 0.0

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from yahboomd.core.drive.arbiter import Arbiter
 from yahboomd.core.drive.arbitration import AllowedSource, CommandRefused
-from yahboomd.core.errors import ConfigError
 from yahboomd.core.model import STANDSTILL, Twist2d
 
 MS = 1_000_000
@@ -50,7 +49,7 @@ def test_a_command_runs_out_after_its_sources_timeout(arbiter: Arbiter) -> None:
     assert arbiter.deadline_ns == S + 500 * MS
     assert arbiter.current(S + 500 * MS - 1).twist == FORWARD
     silent = arbiter.current(S + 500 * MS)
-    assert (silent.twist, silent.timed_out, silent.why) == (STANDSTILL, True, "timed_out")
+    assert (silent.twist, silent.why) == (STANDSTILL, "timed_out")
     assert (silent.source, silent.age_ns) == ("cmd_vel", 500 * MS)
     arbiter.current(S + 600 * MS)
     assert arbiter.counters["timed_out"] == 1
@@ -61,7 +60,7 @@ def test_a_source_that_ended_with_a_zero_command_did_not_fall_silent(arbiter: Ar
     arbiter.offer("cmd_vel", STANDSTILL, S + 100 * MS)
     for later_ns in (600 * MS, 700 * MS):
         ended = arbiter.current(S + later_ns)
-        assert (ended.twist, ended.timed_out, ended.why) == (STANDSTILL, True, "ended")
+        assert (ended.twist, ended.why) == (STANDSTILL, "ended")
         stand(arbiter, S + later_ns)
     assert (ended.source, ended.age_ns) == ("cmd_vel", 600 * MS)
     assert arbiter.counters["timed_out"] == 0
@@ -136,7 +135,7 @@ def test_a_command_given_before_the_wheels_stood_does_not_take_control(
 
 def test_the_holder_goes_on_after_its_own_silence(arbiter: Arbiter) -> None:
     arbiter.offer("cmd_vel", FORWARD, 0)
-    assert arbiter.current(S).timed_out
+    assert arbiter.current(S).why == "timed_out"
     assert arbiter.offer("cmd_vel", SLOWER, S) is None
     assert arbiter.current(S).twist == SLOWER
     assert arbiter.current(S).since_ns == 0
@@ -162,7 +161,7 @@ def test_a_freed_robot_says_since_when_and_who_was_last(arbiter: Arbiter) -> Non
     stand(arbiter, 2 * S)
     decision = arbiter.current(3 * S)
     assert (decision.driver, decision.since_ns, decision.source) == (None, 2 * S, "cmd_vel")
-    assert decision.timed_out
+    assert decision.why == "timed_out"
 
 
 def test_a_backlog_of_200_old_commands_in_4_ms_after_a_stall_moves_nothing(
@@ -173,9 +172,7 @@ def test_a_backlog_of_200_old_commands_in_4_ms_after_a_stall_moves_nothing(
     results = [arbiter.offer("cmd_vel", FORWARD, 5 * S + n * 20_000) for n in range(200)]
     assert [reason(result) for result in results[5:]] == ["backlog"] * 195
     # The five before the sixth looked like any others. The sixth takes them back, 0.1 ms later.
-    revoking = results[5]
-    assert isinstance(revoking, CommandRefused)
-    assert revoking.revoked
+    assert arbiter.counters["revoked"] == 1
     for now_ns in range(5 * S + 100_000, 6 * S, 10 * MS):
         decision = arbiter.current(now_ns)
         assert (decision.twist, decision.ramp, decision.why) == (STANDSTILL, False, "revoked")
@@ -230,8 +227,6 @@ def test_a_backlog_of_a_source_that_does_not_drive_revokes_nothing(arbiter: Arbi
     arbiter.offer("cmd_vel/teleop", FORWARD, 0)
     for n in range(20):
         result = arbiter.offer("cmd_vel", SLOWER, 10 * MS + n * 1000)
-        assert isinstance(result, CommandRefused)
-        assert not result.revoked
     assert reason(result) == "backlog"
     assert arbiter.counters["revoked"] == 0
     assert arbiter.current(11 * MS).twist == FORWARD
@@ -288,7 +283,7 @@ def test_a_stale_command_neither_drives_nor_keeps_alive(arbiter: Arbiter) -> Non
         arbiter.offer("cmd_vel", FORWARD, now_ns, EPOCH_NS + now_ns, stamp_is_message=True)
     late = arbiter.offer("cmd_vel", FORWARD, 1600 * MS, EPOCH_NS + S, stamp_is_message=True)
     assert reason(late) == "stale"
-    assert arbiter.current(1600 * MS).timed_out
+    assert arbiter.current(1600 * MS).why == "timed_out"
 
 
 def test_a_command_that_was_under_way_is_good_for_the_rest_of_its_time(arbiter: Arbiter) -> None:
@@ -456,11 +451,6 @@ def test_forgotten_commands_move_nothing_and_anybody_may_take_over(arbiter: Arbi
     assert arbiter.offer("cmd_vel", SLOWER, 2 * MS) is None
 
 
-def test_two_sources_of_one_name_are_refused() -> None:
-    with pytest.raises(ConfigError, match="twice"):
-        Arbiter([AllowedSource(name="a", priority=1), AllowedSource(name="a", priority=2)])
-
-
 STEP = st.tuples(
     st.sampled_from(["offer", "offer", "offer", "stand", "look"]),
     st.sampled_from(["cmd_vel", "planner", "cmd_vel/teleop"]),
@@ -497,6 +487,7 @@ def test_motion_always_has_a_driver_whose_accepted_command_is_fresh(
         live = arbiter.current(now_ns)
         if what == "offer":
             stamp_ns = None if offset_ns is None else now_ns + offset_ns
+            revoked = arbiter.counters["revoked"]
             result = arbiter.offer(source, twist, now_ns, stamp_ns, by_sender)
             if result is None:
                 accepted[source] = (now_ns - (arbiter.current(now_ns).age_ns or 0), twist)
@@ -512,9 +503,7 @@ def test_motion_always_has_a_driver_whose_accepted_command_is_fresh(
             given_ns, wish = accepted[decision.driver]
             assert decision.twist == wish
             assert now_ns - given_ns < timeouts[decision.driver]
-            assert not decision.timed_out
-        revoked = what == "offer" and isinstance(result, CommandRefused) and result.revoked
-        if revoked:
+        if what == "offer" and arbiter.counters["revoked"] != revoked:
             # The driver before the backlog, or None.
             driver = decision.driver
         if decision.driver != driver and driver and decision.driver:

@@ -1,19 +1,26 @@
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from msgspec import structs
 
+from yahboomd.core.drive import standing
 from yahboomd.core.drive.arbitration import Decision, Why
 from yahboomd.core.drive.estop import Latched
 from yahboomd.core.drive.holds import BOARD_RESET, FAULT, WAITING_FOR_BOARD, Hold
 from yahboomd.core.drive.limiter import AxisCaps
-from yahboomd.core.drive.standing import reasons, state_of, why
+from yahboomd.core.drive.standing import Situation, state_of, why
 from yahboomd.core.model import Cause, Twist2d
 
 S = 1_000_000_000
 LATCHED = Latched(reason="button pressed", by="yahboomd/estop", since_ns=S)
 DRIVING = Decision(twist=Twist2d(vx=0.5), driver="cmd_vel", why="driving", source="cmd_vel")
 DRIVES = (Cause("driving", "cmd_vel drives."),)
+
+
+def reasons(now_ns: int, **facts: Any) -> tuple[Cause, ...]:
+    return standing.reasons(Situation(now_ns=now_ns, **facts))
 
 
 def held(kind: str, until_ns: int | None = None) -> Hold:
@@ -99,7 +106,8 @@ def test_sideways_motion_on_a_base_that_cannot_is_named() -> None:
     ("expected", "decision", "latched", "holds", "in_motion"),
     [
         ("standing", Decision(), None, (), False),
-        ("driving", DRIVING, None, (), False),
+        ("driving", DRIVING, None, (), True),
+        ("standing", DRIVING, None, (), False),
         ("stopping", Decision(), None, (), True),
         ("standing", DRIVING, None, (held(BOARD_RESET),), False),
         ("stopping", DRIVING, None, (held(BOARD_RESET),), True),
@@ -115,8 +123,8 @@ def test_the_state_is_the_one_that_most_needs_a_person(
     holds: tuple[Hold, ...],
     in_motion: bool,
 ) -> None:
-    found = state_of(decision=decision, latched=latched, holds=holds, in_motion=in_motion)
-    assert found == expected
+    now = Situation(now_ns=S, decision=decision, latched=latched, holds=holds, in_motion=in_motion)
+    assert state_of(now) == expected
 
 
 def test_people_read_of_the_page_and_not_of_its_key() -> None:
@@ -138,3 +146,27 @@ def test_limits_that_leave_a_crawl_are_named_unless_another_axis_moves_as_wished
     # Who commands a crawl gets one.
     slow = structs.replace(DRIVING, twist=Twist2d(vx=0.001))
     assert reasons(S, decision=slow, linear=crawl) == DRIVES
+
+
+def test_a_turn_on_the_spot_of_a_car_names_what_it_can_do() -> None:
+    turn = structs.replace(DRIVING, twist=Twist2d(wz=0.5))
+    (found,) = reasons(S, decision=turn, holonomic=False, least_radius_m=0.354)
+    assert found.kind == "cannot"
+    assert "on the spot, which a car cannot do. Command vx with it" in found.text
+    assert "radius of 0.35 m" in found.text
+
+
+def test_wheels_that_a_slow_command_does_not_move_are_named_with_a_speed_that_does() -> None:
+    slow = {"decision": DRIVING, "unmoved_m_s": 0.01, "least_m_s": 0.08}
+    (found,) = reasons(S, in_motion=True, **slow)
+    assert found.kind == "cannot"
+    assert "0.01 m/s, and none has moved in 2 s" in found.text
+    assert "Command 0.08 m/s or more" in found.text
+    assert reasons(S, in_motion=False, **slow) == DRIVES
+
+
+def test_what_is_wrong_with_commands_comes_before_the_one_in_effect() -> None:
+    shaken = Cause("two_programs", "Two programs.")
+    zero = Decision(driver="cmd_vel", why="zero_command")
+    kinds = [each.kind for each in reasons(S, decision=zero, commands=(shaken,))]
+    assert kinds == ["two_programs", "zero_command"]

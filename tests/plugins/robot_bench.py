@@ -108,9 +108,9 @@ class RobotBench:
         self.arbiter = assembly.arbiter(self.config)
         self.latch = assembly.latch(self.config, self.clock, {})
         self.guard = PortGuard()
-        self.controller: Controller = assembly.controller(
-            self.config,
+        self.controller = Controller(
             self.clock,
+            assembly.control_options(self.config),
             arbiter=self.arbiter,
             latch=self.latch,
             outputs=self.heard,

@@ -8,6 +8,7 @@ import msgspec
 import pytest
 
 from yahboomd.core.messages.native import StatusSample
+from yahboomd.core.model import Cause
 from yahboomd.ros2.messages.ros2_encoders import Diagnostic
 from yahboomd.ros2.ros2_diagnostics import (
     ERROR,
@@ -148,3 +149,14 @@ def test_a_low_battery_is_warned_of(diagnostics: Diagnostics, battery: str, leve
     board = named(diagnostics.of(changed(board=facts)))["board"]
     assert board.level == level
     assert ("10.2 V at rest" in board.message) == (level != OK)
+
+
+@pytest.mark.parametrize("kind", ["two_programs", "too_often", "too_seldom", "cannot"])
+def test_what_a_commander_alone_can_end_is_a_warning_with_its_values(
+    diagnostics: Diagnostics, kind: str
+) -> None:
+    cause = Cause(kind, "Two programs command cmd_vel: 0.30 m/s and 0.")
+    sample = changed(state="driving", reasons=[Cause("driving", "cmd_vel drives."), cause])
+    entry = named(diagnostics.of(sample))["commands"]
+    assert (entry.level, entry.message) == (WARN, cause.text)
+    assert named(diagnostics.of(changed(reasons=[])))["commands"].level == OK

@@ -298,7 +298,9 @@ class Cause(msgspec.Struct, frozen=True):
         kind: A stable word, so that no reader has to look into the text. A hold has its own kind;
             without motion commanded it is ``Decision.why``. The others are ``wheels`` (they may
             turn unseen), ``estop``, ``release`` (the command that lets it drive again), ``lost``
-            (the client that drove has left), ``cannot``, ``refused``, ``battery``, ``driving``.
+            (the client that drove has left), ``cannot`` (what is commanded cannot be done),
+            ``refused``, ``battery``, ``driving``, and of the commands' rhythm ``two_programs``,
+            ``too_often`` and ``too_seldom``.
         text: One sentence or more, for a person.
     """
 

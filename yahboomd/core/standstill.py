@@ -30,6 +30,9 @@ rim with any of the vendor's gears that has an encoder."""
 HUNTS_M = 0.002
 """A wheel that stays within this of its place rests, although its board hunts."""
 
+UNMOVED_S = 2.0
+"""Wheels that are commanded for this time and keep to their places do not turn."""
+
 STAND_WITHIN_S = 0.6
 """The time that a stopped wheel has to stand before the next harder stop."""
 

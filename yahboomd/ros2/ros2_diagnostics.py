@@ -19,6 +19,9 @@ _LEVELS: dict[str, int] = {
     "waiting": STALE,
 }
 
+_COMMAND_TROUBLE = frozenset({"two_programs", "too_often", "too_seldom", "cannot"})
+"""Causes in a status that only who commands can end."""
+
 _LINE_TROUBLE = ("discarded_bytes", "broken_frames", "bad_bytes", "overlong")
 """Counters that stand still on a line without faults."""
 
@@ -101,6 +104,8 @@ def levels(entries: list[Diagnostic]) -> tuple[int, ...]:
 
 
 def _commands(sample: StatusSample, type_warnings: Mapping[str, str]) -> tuple[int, str]:
+    if found := [each.text for each in sample.reasons or () if each.kind in _COMMAND_TROUBLE]:
+        return WARN, " ".join([*found, *type_warnings.values()])
     clocks = sample.command.get("clock_warnings")
     warnings = [*type_warnings.items(), *(clocks.items() if isinstance(clocks, Mapping) else ())]
     if warnings:

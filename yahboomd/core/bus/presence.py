@@ -32,6 +32,9 @@ class Token:
         self._tokens.append(session.liveliness().declare_token(self.key))
 
 
+NAMED_MOST = 4
+"""The most clients that are named as possible senders; of more the number is given."""
+
 MOST_TOKENS = 256
 """Tokens that a watch keeps; more are counted. Any client may declare any number of them."""
 
@@ -113,6 +116,19 @@ class Neighbour(msgspec.Struct, frozen=True, kw_only=True):
     zid: str
     kind: str
     address: str = ""
+
+
+def senders(neighbours: tuple[Neighbour, ...]) -> str:
+    """The possible senders of something without a name: Zenoh does not tell which one it is."""
+    near = [each.address or each.zid for each in neighbours]
+    match near:
+        case []:
+            return ""
+        case [one]:
+            return f", from {one}"
+        case [*some] if len(some) <= NAMED_MOST:
+            return f", from one of {', '.join(some)}"
+    return f", from one of {len(near)} clients"
 
 
 class NeighbourChange(msgspec.Struct, frozen=True, kw_only=True):

@@ -12,12 +12,10 @@ from pathlib import Path
 from yahboomd.core.bus.options import BusOptions
 from yahboomd.core.clock import Clock
 from yahboomd.core.config import Config, runtime_folder
-from yahboomd.core.daemon.control import Controller
 from yahboomd.core.daemon.estop.latch import EstopLatch
 from yahboomd.core.daemon.estop.latch_file import LatchFile
 from yahboomd.core.daemon.fit import BLIND_S, ControlOptions
 from yahboomd.core.daemon.folder import check_folder
-from yahboomd.core.daemon.publisher import Outputs
 from yahboomd.core.daemon.supervisor import storing_opener
 from yahboomd.core.drive.arbiter import Arbiter
 from yahboomd.core.link import port_note
@@ -29,7 +27,7 @@ from yahboomd.core.link.port_note import PortNote
 from yahboomd.core.link.session import Session, SessionOptions
 from yahboomd.core.link.tap import NO_TAP, Tap
 from yahboomd.core.odometry.heading import CALIBRATED
-from yahboomd.core.odometry.odometer import Odometer, OdometerSettings
+from yahboomd.core.odometry.odometer import OdometerSettings
 from yahboomd.core.program import release_command
 from yahboomd.core.protocol.profiles import TYPES
 from yahboomd.core.standstill import STANDING_M_S
@@ -98,27 +96,6 @@ def latch(config: Config, clock: Clock, environ: Mapping[str, str]) -> EstopLatc
     port = None if config.estop.latch_file else config.serial.port
     release = release_command(config.zenoh.namespace, config.zenoh.listen)
     return EstopLatch(LatchFile(path, port=port), clock.now_ns(), release=release)
-
-
-def controller(
-    config: Config,
-    clock: Clock,
-    *,
-    arbiter: Arbiter,
-    latch: EstopLatch,
-    outputs: Outputs,
-    odometer: Odometer,
-    guard: PortGuard,
-) -> Controller:
-    return Controller(
-        clock,
-        control_options(config),
-        arbiter=arbiter,
-        odometer=odometer,
-        latch=latch,
-        outputs=outputs,
-        guard=guard,
-    )
 
 
 def opener(

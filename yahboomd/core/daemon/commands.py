@@ -53,6 +53,7 @@ class CommandIntake:
         self._recorder = recorder
         self.counters: Counter[str] = Counter()
         self._by_source: dict[str, Counter[str]] = {}
+        self._refused_by_source: dict[str, Counter[str]] = {}
         self.last_refusal = ""
 
     def handler(
@@ -63,7 +64,8 @@ class CommandIntake:
         Args:
             sent_at: The time of sending, for messages without a stamp of their own.
         """
-        self._by_source.setdefault(source, Counter())
+        self._by_source.setdefault(source, Counter(ZEROS["sources"]))
+        self._refused_by_source.setdefault(source, Counter(dict.fromkeys(REFUSALS, 0)))
 
         def take(arrivals: list[Arrival]) -> None:
             self._notice_pause()
@@ -80,7 +82,8 @@ class CommandIntake:
         facts.update(self._arbiter.counters)
         facts["last_refusal"] = self.last_refusal
         facts["sources"] = {
-            source: _by_reason(counters) for source, counters in self._by_source.items()
+            source: {**counters, "refused": dict(self._refused_by_source[source])}
+            for source, counters in self._by_source.items()
         }
         if offsets_s := self._arbiter.clock_offsets_s(now_ns):
             facts["clock_offset_s"] = offsets_s
@@ -119,6 +122,7 @@ class CommandIntake:
             sent_ns is not None,
             wall_ns=self._clock.wall_ns() - waited_ns,
             arrivals=1 + arrival.dropped,
+            sender=command.source or "",
         )
         if verdict is None:
             # The arbiter itself counts the total.
@@ -138,7 +142,7 @@ class CommandIntake:
 
     def _refused(self, source: str, reason: str, detail: str, twist: Twist2d = STANDSTILL) -> None:
         self.counters["refused"] += 1
-        self._by_source[source][_REFUSED + reason] += 1
+        self._refused_by_source[source][reason] += 1
         self.last_refusal = f"{source}: {reason}: {detail}"
         if self._recorder is not None:
             self._recorder.command(source, twist, reason)
@@ -146,19 +150,6 @@ class CommandIntake:
     def _count(self, source: str, what: str, times: int = 1) -> None:
         self.counters[what] += times
         self._by_source[source][what] += times
-
-
-_REFUSED = "refused/"
-
-
-def _by_reason(counters: Counter[str]) -> dict[str, Any]:
-    refused = {
-        name.removeprefix(_REFUSED): count
-        for name, count in counters.items()
-        if name.startswith(_REFUSED)
-    }
-    plain = {name: count for name, count in counters.items() if not name.startswith(_REFUSED)}
-    return {**ZEROS["sources"], **plain, "refused": {**dict.fromkeys(REFUSALS, 0), **refused}}
 
 
 QUIET_S = 60.0

@@ -556,26 +556,30 @@ class Controller:
     def decision(self) -> Decision:
         return self._decision
 
-    def state(self) -> tuple[standing.State, tuple[Cause, ...]]:
-        now_ns = self._clock.now_ns()
-        holds = self._holds.active(now_ns)
-        state = standing.state_of(
+    def state(self, near: str = "") -> tuple[standing.State, tuple[Cause, ...]]:
+        """The state, and its causes.
+
+        Args:
+            near: Where programs may be that do not name themselves.
+        """
+        now_ns, kinematics = self._clock.now_ns(), self._options.kinematics
+        now = standing.Situation(
+            now_ns=now_ns,
             decision=self._decision,
             latched=self._latch.latched,
-            holds=holds,
+            holds=self._holds.active(now_ns),
             stop_waits=self.stop_reports.waiting,
             in_motion=self._wheels.in_motion,
-        )
-        return state, standing.reasons(
-            now_ns,
-            decision=self._decision,
-            latched=self._latch.latched,
-            holds=holds,
             refused=self._arbiter.recent_refusals(now_ns),
             linear=self._options.linear,
             angular=self._options.angular,
-            holonomic=self._options.kinematics.holonomic,
+            holonomic=kinematics.holonomic,
+            least_radius_m=kinematics.least_radius_m,
+            unmoved_m_s=self._wheels.unmoved_m_s,
+            least_m_s=self._options.min_speed_m_s,
+            commands=self._arbiter.causes(now_ns, near),
             release=self._options.release,
             unseen=self.wheels == "unknown",
             battery=self.battery_watch.words,
         )
+        return standing.state_of(now), standing.reasons(now)

@@ -13,7 +13,7 @@ from yahboomd import __version__
 from yahboomd.core.bus import keys
 from yahboomd.core.bus.alarms import READ_BYTES
 from yahboomd.core.bus.bus import Bus
-from yahboomd.core.bus.presence import Neighbour
+from yahboomd.core.bus.presence import Neighbour, senders
 from yahboomd.core.bus.services import TOO_MANY, BusQuery, Response
 from yahboomd.core.clock import Clock
 from yahboomd.core.daemon.control import Controller
@@ -37,9 +37,6 @@ from yahboomd.core.model import Event, Matrix3, Pose2d
 
 COPIES_NS = 1_000_000_000
 """Copies of one request (the ROS 2 bridge may make them) come within this time, mostly at once."""
-
-NAMED_MOST = 4
-"""The most clients that are named as possible senders of an e-stop; of more the number is given."""
 
 SET_POSE_TAKES = (
     'It takes x and y in metres and theta in radians, such as {"x": 1.0, "y": 2.0, "theta": 0.5}.'
@@ -295,7 +292,7 @@ class Services:
         return self._answer(request, ServiceReply(success=False, message=reason))
 
     def _estop_samples(self, count: int, unread: int) -> None:
-        by = f"a sample on yahboomd/estop{self._senders()}"
+        by = f"a sample on yahboomd/estop{senders(self._neighbours())}"
         self.operator.engage_estop(by, times=count, unread=unread)
 
     def _release_samples(self, count: int) -> None:
@@ -307,21 +304,9 @@ class Services:
             return ServiceReply(success=False, message=words)
         unread = request.oversize or len(request.payload) > READ_BYTES
         name = "" if unread else estop_by(request.payload)
-        by = name or f"a query on yahboomd/estop{self._senders()}"
+        by = name or f"a query on yahboomd/estop{senders(self._neighbours())}"
         words = self.operator.engage_estop(by, unread=int(unread))
         return ServiceReply(success=True, message=words)
-
-    def _senders(self) -> str:
-        """The possible senders of a request without a name: Zenoh does not tell which one it is."""
-        near = [each.address or each.zid for each in self._neighbours()]
-        match near:
-            case []:
-                return ""
-            case [one]:
-                return f", from {one}"
-            case [*some] if len(some) <= NAMED_MOST:
-                return f", from one of {', '.join(some)}"
-        return f", from one of {len(near)} clients"
 
     def _estop_reset(self, _request: BusQuery) -> ServiceReply:
         released, words = self.operator.release_estop()

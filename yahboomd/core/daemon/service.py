@@ -156,7 +156,21 @@ class Daemon:
         config, clock = self._config, self._clock
         recorders = self._recorders
         arbiter = assembly.arbiter(config)
-        self._stamps = WallStamps(clock, self._clock_stepped)
+        latch = self._latch = assembly.latch(config, clock, self._environ)
+        made = recorders.call(NAME, self._make_box, config, clock, self._environ, recorders)
+        box: KeptBox = made or NoBlackBox()
+        self._box = box
+        controller = Controller(
+            clock,
+            assembly.control_options(config),
+            arbiter=arbiter,
+            odometer=box.odometer(assembly.odometer_settings(config)),
+            latch=latch,
+            outputs=self,
+            guard=self._guard,
+        )
+        self._controller = controller
+        self._stamps = WallStamps(clock, controller.event)
         self._publisher = Publisher(
             lambda key: self._open_outlet(bus, key),
             encoding=config.zenoh.encoding,
@@ -167,20 +181,6 @@ class Daemon:
             imu_frame_id=config.imu.frame_id,
             motor_names=tuple(motor.name for motor in config.motors()),
         )
-        latch = self._latch = assembly.latch(config, clock, self._environ)
-        made = recorders.call(NAME, self._make_box, config, clock, self._environ, recorders)
-        box: KeptBox = made or NoBlackBox()
-        self._box = box
-        controller = assembly.controller(
-            config,
-            clock,
-            arbiter=arbiter,
-            odometer=box.odometer(assembly.odometer_settings(config)),
-            latch=latch,
-            outputs=self,
-            guard=self._guard,
-        )
-        self._controller = controller
         self._clocks = ClockWatch(arbiter.clock_warnings, controller.event)
         intake = CommandIntake(
             arbiter,
@@ -378,9 +378,6 @@ class Daemon:
         # An emergency stop over the local socket may come before any plane is started.
         if stamp_ns is not None:
             self._planes.event(event, stamp_ns)
-
-    def _clock_stepped(self, event: Event) -> None:
-        self._controller.event(event)
 
     def changed(self) -> None:
         """Publish the status now rather than at its next time."""

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from yahboomd.core.bus.bus import Bus
+from yahboomd.core.bus.presence import senders
 from yahboomd.core.clock import Clock, nanoseconds
 from yahboomd.core.daemon import logs
 from yahboomd.core.daemon.black_box import KeptBox
@@ -80,7 +81,7 @@ class Status:
         offset_ns = now_ns - clock_ns
         decision = self._controller.decision
         since_ns = decision.since_ns
-        state, reasons = self._controller.state()
+        state, reasons = self._controller.state(senders(self._bus.neighbours))
         wheels = self._controller.wheels
         return StatusSample(
             stamp_ns=now_ns,

@@ -8,7 +8,6 @@ they do not obey.
 from __future__ import annotations
 
 from collections import Counter
-from typing import Protocol
 
 from yahboomd.core.clock import nanoseconds
 from yahboomd.core.daemon.fit import BoardFit, no_board
@@ -17,9 +16,10 @@ from yahboomd.core.drive.follow_check import FollowCheck
 from yahboomd.core.drive.kinematics import motor_speeds
 from yahboomd.core.drive.rest import AtRest, Rest
 from yahboomd.core.drive.stop_watch import StopWatch
+from yahboomd.core.link.connected_board import ConnectedBoard
 from yahboomd.core.model import Kinematics, Motor
 from yahboomd.core.protocol.dialect import Units
-from yahboomd.core.standstill import REPEAT_S, turning
+from yahboomd.core.standstill import HUNTS_M, REPEAT_S, UNMOVED_S, turning
 
 WAITED_NS = 100_000_000
 """The time after a pause of this process in which counts arrive that waited."""
@@ -37,44 +37,6 @@ STOP_HELD_UP_NS = 600_000_000
 JUDGED_NS = 15_000_000
 """Wheels are judged no more often, by their counts since: a board that streams reports more
 often than a wheel can show anything new."""
-
-
-class WheelLink(Protocol):
-    """The part of a session that commands the wheels."""
-
-    def drive(self, units: Units) -> None:
-        """Send these speeds until others replace them."""
-
-    def brake(self) -> None:
-        """Command zero before everything that waits."""
-
-    def cut(self) -> None:
-        """Release the motors before everything that waits."""
-
-    def release(self) -> None:
-        """Send the release of the motors until a speed replaces it."""
-
-    @property
-    def cuts(self) -> bool:
-        """Whether it can release the motors; else it brakes instead."""
-
-    @property
-    def stop_sent(self) -> bool:
-        """Whether the last command is a stop that has left this machine."""
-
-    @property
-    def noisy(self) -> bool:
-        """Whether commands may not arrive as they were sent."""
-
-    @property
-    def damages(self) -> int:
-        """The chunks that the line damaged lately, counted."""
-
-    def rearm(self) -> None:
-        """Send it again the frames whose effect a reset loses."""
-
-    def drop_input(self) -> None:
-        """Drop the bytes that it sent and that were not read yet."""
 
 
 class Wheels:
@@ -103,7 +65,7 @@ class Wheels:
         self.check = FollowCheck(names, metres_per_tick, min_speed_m_s=min_speed_m_s)
         self._rest = Rest(at_rest, names, metres_per_tick)
         self._stop_watch = StopWatch(names)
-        self._board: WheelLink | None = None
+        self._board: ConnectedBoard | None = None
         self._released = False
         self._stop_due_ns: int | None = None
         self._held_up_ns = 0
@@ -115,11 +77,15 @@ class Wheels:
         self.command_m_s = self.zeros
         self.measured_m_s: tuple[float, ...] | None = None
         self.seen: str | None = None
+        self._metres_per_tick = metres_per_tick
+        self._moved_at: tuple[tuple[int, ...], int] = (), 0
+        self.unmoved_m_s = 0.0
+        """The fastest setpoint of wheels of which none moves; 0 if one does, or none shall."""
         self._said: tuple[Units, tuple[float, ...]] = ((), self.zeros)
 
     # The board comes and goes.
 
-    def attach(self, board: WheelLink, fit: BoardFit) -> None:
+    def attach(self, board: ConnectedBoard, fit: BoardFit) -> None:
         """Take a board; it was stopped while it was connected."""
         self._board = board
         self.fit = fit
@@ -289,6 +255,7 @@ class Wheels:
         """
         self.measured_m_s = speeds_m_s
         self.seen = "turning" if self.in_motion else "at_rest"
+        self.unmoved_m_s = self._unmoved(stamp_ns, ticks)
         before = self._ticks or ticks
         if self._board is None:
             # The session that closed the board stops its wheels; they obey no command of ours.
@@ -335,6 +302,17 @@ class Wheels:
     @property
     def in_motion(self) -> bool:
         return any(self.command_m_s) or turning(self.measured_m_s or ())
+
+    def _unmoved(self, stamp_ns: int, ticks: tuple[int, ...]) -> float:
+        place, since_ns = self._moved_at
+        fastest_m_s = max(map(abs, self.command_m_s))
+        far_m = [
+            abs(now - then) * metre
+            for now, then, metre in zip(ticks, place, self._metres_per_tick, strict=False)
+        ]
+        if not fastest_m_s or not far_m or max(far_m) > HUNTS_M:
+            self._moved_at = ticks, stamp_ns
+        return fastest_m_s if stamp_ns - since_ns >= nanoseconds(UNMOVED_S) else 0.0
 
     def _say(self, speeds: tuple[float, ...]) -> None:
         self.command_m_s = motor_speeds(self._motors, speeds)

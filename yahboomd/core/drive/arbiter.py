@@ -31,8 +31,7 @@ from yahboomd.core.drive.arbitration import (
 from yahboomd.core.drive.command_source import CommandSource
 from yahboomd.core.drive.deadman import OnTimeout
 from yahboomd.core.drive.windows import SlidingCounts
-from yahboomd.core.errors import ConfigError
-from yahboomd.core.model import STANDSTILL, Twist2d, velocity_problem
+from yahboomd.core.model import STANDSTILL, Cause, Twist2d, velocity_problem
 from yahboomd.core.standstill import turning
 
 if TYPE_CHECKING:
@@ -56,9 +55,6 @@ class Arbiter:
         on_timeout: Whether silence ends in a ramp or a halt.
         stamps: How the age of a command is judged.
 
-    Raises:
-        ConfigError: Two sources of one name, or a timeout that is not positive.
-
     Attributes:
         counters: Commands that were ``accepted``, that ``took_over`` and that were refused for each
             reason, backlogs that were ``revoked``, and drivers that ``timed_out``.
@@ -74,11 +70,7 @@ class Arbiter:
         self.counters: Counter[str] = Counter()
         self._recent = SlidingCounts(RECENT_NS)
         self._on_timeout = on_timeout
-        self._lines: dict[str, CommandSource] = {}
-        for source in sources:
-            if source.name in self._lines:
-                raise ConfigError(f"command.sources: {source.name} is there twice.")
-            self._lines[source.name] = CommandSource(source, stamps)
+        self._lines = {source.name: CommandSource(source, stamps) for source in sources}
         self._holder: CommandSource | None = None
         self._since_ns: int | None = None
         self._last: CommandSource | None = None
@@ -99,6 +91,7 @@ class Arbiter:
         *,
         wall_ns: int | None = None,
         arrivals: int = 1,
+        sender: str = "",
     ) -> CommandRefused | None:
         """Accept or refuse a command.
 
@@ -112,6 +105,7 @@ class Arbiter:
             wall_ns: When it arrived on the clock of the stamps, for ``absolute`` and for
                 :meth:`clock_offsets_s`.
             arrivals: The number of commands from this source since the last one offered.
+            sender: The program that gave it, as it names itself.
 
         Returns:
             The refusal; None if it is in effect. No command raises.
@@ -119,11 +113,12 @@ class Arbiter:
         line = self._lines.get(source)
         if line is None:
             why = "No configured source has that name."
-            return self._refuse(now_ns, source, "unknown_source", why)
+            return self._refuse(now_ns, "unknown_source", why)
         if (problem := velocity_problem(twist.vx, twist.vy, twist.wz)) is not None:
-            return self._refuse(now_ns, source, *problem)
+            return self._refuse(now_ns, *problem)
         if not twist.is_zero:
             line.note_motion(now_ns)
+        line.rhythm.note(now_ns, twist, sender, arrivals)
         age = line.admit(
             twist,
             now_ns,
@@ -134,12 +129,13 @@ class Arbiter:
         )
         if not isinstance(age, Age):
             if age == "revoke" or age == "refuse":  # noqa: PLR1714 - the types follow from it
-                revoked = age == "revoke" and self._revoke(line, now_ns)
-                return self._refuse(now_ns, source, "backlog", _HELD_UP, revoked=revoked)
-            return self._refuse(now_ns, source, age, _AGE_DETAILS[age])
+                if age == "revoke":
+                    self._revoke(line, now_ns)
+                return self._refuse(now_ns, "backlog", _HELD_UP)
+            return self._refuse(now_ns, age, _AGE_DETAILS[age])
         if not (twist.is_zero or age.proven) and self._waited_since_ns < now_ns <= self._waited_ns:
             detail = "It may have waited while yahboomd did not run, and no stamp shows its age."
-            return self._refuse(now_ns, source, "after_pause", detail)
+            return self._refuse(now_ns, "after_pause", detail)
         given_ns = now_ns - age.age_ns
         refusal = self._may_drive(line, now_ns, given_ns)
         line.feed(twist, given_ns)
@@ -184,7 +180,7 @@ class Arbiter:
         silent = age_ns is None
         if self._left is not None:
             name, age_ns = self._left[0], now_ns - self._left[1]
-        twist, ramp, timed_out = STANDSTILL, True, False
+        twist, ramp = STANDSTILL, True
         why: Why
         if self._revoked:
             why, ramp = "revoked", False
@@ -192,7 +188,7 @@ class Arbiter:
             why = "no_command"
         elif holder is None or (wish := holder.in_effect(now_ns)) is None:
             self._count_timeout()
-            timed_out, ramp = True, self._on_timeout == "ramp"
+            ramp = self._on_timeout == "ramp"
             why = "ended" if self._ended else "timed_out"
         elif wish.is_zero:
             why = "zero_command"
@@ -202,7 +198,6 @@ class Arbiter:
             twist=twist,
             driver=None if holder is None else holder.source.name,
             since_ns=self._since_ns,
-            timed_out=timed_out,
             ramp=ramp,
             why=why,
             source=name,
@@ -231,6 +226,15 @@ class Arbiter:
     def recent_refusals(self, now_ns: int) -> dict[str, int]:
         """The commands that were refused in the last two seconds, counted by reason."""
         return self._recent.counts(now_ns)
+
+    def causes(self, now_ns: int, near: str = "") -> list[Cause]:
+        """Why commands make the robot stutter, shake or stand, though they are obeyed."""
+        lines = self._lines.values()
+        return [
+            each
+            for line in lines
+            for each in line.rhythm.causes(now_ns, near, refusing=line.gate.refusing)
+        ]
 
     def clock_offsets_s(self, now_ns: int) -> dict[str, float]:
         """The clock of each source that stamped commands lately, less this clock; seconds."""
@@ -286,21 +290,21 @@ class Arbiter:
             self.forget_commands(until_ns)
 
     def _may_drive(self, line: CommandSource, now_ns: int, given_ns: int) -> CommandRefused | None:
-        name, holder = line.source.name, self._holder
+        holder = self._holder
         if holder is line:
             return None
         if holder is None:
             if self._free_ns is not None and given_ns < self._free_ns:
                 detail = "It was given before the wheels stood."
-                return self._refuse(now_ns, name, "not_standing", detail)
+                return self._refuse(now_ns, "not_standing", detail)
             return None
         if line.source.priority > holder.source.priority:
             return None
         if holder.deadman.expired(now_ns):
             detail = f"{holder.source.name} fell silent, and the wheels do not stand yet."
-            return self._refuse(now_ns, name, "not_standing", detail)
+            return self._refuse(now_ns, "not_standing", detail)
         detail = f"{holder.source.name} drives, with priority {holder.source.priority}."
-        return self._refuse(now_ns, name, "lower_priority", detail)
+        return self._refuse(now_ns, "lower_priority", detail)
 
     def _hand_over(self, line: CommandSource, now_ns: int) -> None:
         self._handover = _Handover(
@@ -313,12 +317,12 @@ class Arbiter:
         self._since_ns = now_ns
         self.counters["took_over"] += 1
 
-    def _revoke(self, line: CommandSource, now_ns: int) -> bool:
-        """Revoke the commands of ``line`` since its silence; returns whether there were any."""
+    def _revoke(self, line: CommandSource, now_ns: int) -> None:
+        """Revoke the commands of ``line`` since its silence."""
         had_a_command = line.in_effect(now_ns) is not None
         line.drop()
         if self._holder is not line or not had_a_command:
-            return False
+            return
         self.counters["revoked"] += 1
         before = self._handover
         if before is not None and before.at_ns >= line.gate.watching_since_ns:
@@ -330,7 +334,6 @@ class Arbiter:
         self._handover = None
         holder = self._holder
         self._revoked = holder is None or holder.in_effect(now_ns) is None
-        return True
 
     @property
     def _ended(self) -> bool:
@@ -343,12 +346,10 @@ class Arbiter:
             self._timeout_counted = True
             self.counters["timed_out"] += not self._ended
 
-    def _refuse(
-        self, now_ns: int, source: str, reason: Reason, detail: str, *, revoked: bool = False
-    ) -> CommandRefused:
+    def _refuse(self, now_ns: int, reason: Reason, detail: str) -> CommandRefused:
         self.counters[reason] += 1
         self._recent.add(now_ns, reason)
-        return CommandRefused(source=source, reason=reason, detail=detail, revoked=revoked)
+        return CommandRefused(reason=reason, detail=detail)
 
 
 _HELD_UP = "It came in a burst after a silence: old commands that had been held up."

@@ -47,14 +47,10 @@ class CommandRefused(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         reason: A stable word, also the key in the counters.
         detail: A sentence for a person.
-        revoked: Accepted commands of this source turned out to be part of a backlog and were
-            revoked: run a control step at once.
     """
 
-    source: str
     reason: Reason
     detail: str
-    revoked: bool = False
 
 
 class Decision(msgspec.Struct, frozen=True, kw_only=True):
@@ -65,7 +61,6 @@ class Decision(msgspec.Struct, frozen=True, kw_only=True):
         driver: The source in control; ``None`` for none.
         since_ns: When the driver took control; without a driver, since when there is none
             (``None``: from the start).
-        timed_out: The last command ran out.
         ramp: Whether the way to ``twist`` may be a ramp; if not, the wheels stand at once.
         why: The cause of the motion, in one word.
         source: The source of the last command in effect; with ``no_command`` the source that drove
@@ -76,7 +71,6 @@ class Decision(msgspec.Struct, frozen=True, kw_only=True):
     twist: Twist2d = STANDSTILL
     driver: str | None = None
     since_ns: int | None = None
-    timed_out: bool = False
     ramp: bool = True
     why: Why = "no_command"
     source: str | None = None

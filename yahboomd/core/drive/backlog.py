@@ -43,13 +43,16 @@ class BacklogGate:
 
     Args:
         silence_ns: After this time without a command, the next ones are suspect.
+
+    Attributes:
+        refusing: Whether the latest command was part of a backlog.
     """
 
     def __init__(self, silence_ns: int) -> None:
         self._silence_ns = silence_ns
         self._recent: deque[int] = deque(maxlen=MOST + 1)
         self._watch_until_ns = 0
-        self._within = False
+        self.refusing = False
         self._since_silence = 0
         self._in_row = 0
         self.watching_since_ns = 0
@@ -77,7 +80,7 @@ class BacklogGate:
         """
         silent = not self._recent or now_ns - self._recent[-1] >= self._silence_ns
         if copy and not silent:
-            return "refuse" if self._within else "pass"
+            return "refuse" if self.refusing else "pass"
         in_row = alike and not silent and now_ns - self._recent[-1] <= ROW_GAP_NS
         self._in_row = self._in_row + 1 if in_row else 1
         if silent:
@@ -89,16 +92,16 @@ class BacklogGate:
             self._since_silence += arrivals
         self._recent.extend([now_ns] * min(arrivals, MOST + 1))
         if proven:
-            self._within = False
+            self.refusing = False
             return "pass"
         dense = len(self._recent) > MOST and self._recent[-1] - self._recent[0] <= WINDOW_NS
         if not dense or now_ns > self._watch_until_ns:
-            self._within = False
+            self.refusing = False
             return "pass"
         elapsed_ns = now_ns - self.watching_since_ns
         if self._since_silence * WINDOW_NS > MOST * elapsed_ns:
             self._watch_until_ns = now_ns + self._silence_ns
-        if self._within:
+        if self.refusing:
             return "refuse"
-        self._within = True
+        self.refusing = True
         return "revoke"

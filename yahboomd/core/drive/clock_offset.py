@@ -59,24 +59,19 @@ class ClockOffset:
         )
 
     def _consequence(self, ahead_s: float) -> str:
-        match self._policy:
-            case "ignore":
-                return (
-                    "Its commands are obeyed however old they are (command.stamps is ignore), but "
-                    "its transforms and ours do not fit: synchronise the clocks."
-                )
-            case "relative":
-                return (
-                    "Its commands are obeyed, their age judged against each other, but its "
-                    "transforms and ours do not fit: synchronise the clocks."
-                )
-            case "absolute" if abs(ahead_s) * 1e9 > self._timeout_ns:
-                return (
-                    "All its commands are refused (command.stamps is absolute): synchronise the "
-                    'clocks, or set command.stamps to "relative".'
-                )
-            case "absolute":
-                return (
-                    f"Its commands seem {'younger' if ahead_s > 0.0 else 'older'} than they are "
-                    "(command.stamps is absolute): synchronise the clocks."
-                )
+        if self._policy == "absolute":
+            if abs(ahead_s) * 1e9 <= self._timeout_ns:
+                seem = "younger" if ahead_s > 0.0 else "older"
+                done = f"Its commands seem {seem} than they are"
+                return f"{done} (command.stamps is absolute): synchronise the clocks."
+            return (
+                "All its commands are refused (command.stamps is absolute): synchronise the "
+                'clocks, or set command.stamps to "relative".'
+            )
+        how = "however old they are (command.stamps is ignore)"
+        if self._policy == "relative":
+            how = "their age judged against each other"
+        return (
+            f"Its commands are obeyed, {how}, but its transforms and ours do not fit: synchronise "
+            "the clocks."
+        )

@@ -9,6 +9,7 @@ from yahboomd.core.drive.arbitration import AllowedSource
 from yahboomd.core.drive.backlog import BacklogGate
 from yahboomd.core.drive.clock_offset import ClockOffset
 from yahboomd.core.drive.deadman import Deadman
+from yahboomd.core.drive.rhythm import Rhythm
 from yahboomd.core.model import Twist2d
 
 MOVING_NS = 1_000_000_000
@@ -33,6 +34,7 @@ class CommandSource:
         self.judge = AgeJudge(stamps, timeout_ns)
         self.offset = ClockOffset(stamps, timeout_ns)
         self.gate = BacklogGate(timeout_ns)
+        self.rhythm = Rhythm(source)
         self.wish: Twist2d | None = None
         self._stamps = stamps
         self._moved_ns: int | None = None

@@ -20,7 +20,6 @@ import math
 
 import msgspec
 
-from yahboomd.core.errors import ConfigError
 from yahboomd.core.model import STANDSTILL, Twist2d
 
 _NO_LIMIT = 1e9
@@ -52,17 +51,13 @@ class Limiter:
         longest_step_s: The most time that one step accounts for. During a pause the wheels did not
             accelerate: without this bound, the first command after ten idle seconds would pass
             without a ramp.
-
-    Raises:
-        ConfigError: A limit is negative or no number, or is zero and would keep the present speed
-            for ever.
     """
 
     def __init__(self, linear: AxisCaps, angular: AxisCaps, *, longest_step_s: float = 0.1) -> None:
         self._longest_step_s = longest_step_s
-        self._vx = _Axis("linear", linear)
-        self._vy = _Axis("linear", linear)
-        self._wz = _Axis("angular", angular)
+        self._vx = _Axis(linear)
+        self._vy = _Axis(linear)
+        self._wz = _Axis(angular)
 
     @property
     def current(self) -> Twist2d:
@@ -102,11 +97,11 @@ class Limiter:
 
 
 class _Axis:
-    def __init__(self, name: str, limits: AxisCaps) -> None:
-        self._velocity = min(_NO_LIMIT, _limit(name, "velocity", limits.velocity, zero=True))
-        self._acceleration = _limit(name, "acceleration", limits.acceleration)
-        self._deceleration = _limit(name, "deceleration", limits.deceleration)
-        self._jerk = _limit(name, "jerk", limits.jerk)
+    def __init__(self, limits: AxisCaps) -> None:
+        self._velocity = min(_NO_LIMIT, _limit(limits.velocity))
+        self._acceleration = _limit(limits.acceleration)
+        self._deceleration = _limit(limits.deceleration)
+        self._jerk = _limit(limits.jerk)
         self.speed = 0.0
         self._rate = 0.0
 
@@ -167,10 +162,5 @@ def _must_cross_zero(speed: float, wish: float) -> bool:
     return speed > 0.0 >= wish or speed < 0.0 <= wish
 
 
-def _limit(axis: str, name: str, value: float | None, *, zero: bool = False) -> float:
-    if value is None:
-        return math.inf
-    if math.isnan(value) or value < 0.0 or (value == 0.0 and not zero):
-        least = "0 or more" if zero else "more than 0"
-        raise ConfigError(f"limits.{axis}.{name} is {value}; it has to be {least}.")
-    return value
+def _limit(value: float | None) -> float:
+    return math.inf if value is None else value

@@ -6,19 +6,18 @@ It gives all reasons, in the order in which a person has to deal with them.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from collections.abc import Mapping, Sequence
+from typing import Literal, TypeAlias
+
+import msgspec
 
 from yahboomd.core.drive.arbitration import Decision
+from yahboomd.core.drive.estop import Latched
 from yahboomd.core.drive.holds import BOARD_UNFIT, FAULT, WAITING_FOR_BOARD, Hold
+from yahboomd.core.drive.limiter import AxisCaps
 from yahboomd.core.model import Cause
 from yahboomd.core.names import source_words
-from yahboomd.core.standstill import STANDING_M_S
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from yahboomd.core.drive.estop import Latched
-    from yahboomd.core.drive.limiter import AxisCaps
+from yahboomd.core.standstill import STANDING_M_S, UNMOVED_S
 
 State: TypeAlias = Literal["waiting", "standing", "driving", "stopping", "estopped", "fault"]
 
@@ -29,52 +28,69 @@ MAY_TURN = "The wheels may still turn: switch the motors' supply off."
 """The first words while a board is out of reach whose wheels turned when they were last seen."""
 
 
-def reasons(
-    now_ns: int,
-    *,
-    decision: Decision,
-    latched: Latched | None = None,
-    holds: Sequence[Hold] = (),
-    refused: Mapping[str, int] | None = None,
-    linear: AxisCaps | None = None,
-    angular: AxisCaps | None = None,
-    holonomic: bool = True,
-    release: str = "yahboomd stop --release",
-    unseen: bool = False,
-    battery: str = "",
-) -> tuple[Cause, ...]:
-    """Every reason why the robot stands; while it may drive, who drives.
+class Situation(msgspec.Struct, frozen=True, kw_only=True):
+    """Everything by which a person may explain what the robot does.
 
-    Args:
+    Attributes:
+        stop_waits: The stop of the latch, or of a fault, has not left this machine yet.
+        in_motion: Wheels turn, or are commanded to.
         refused: The number of recently refused commands, by reason.
         holonomic: Whether the base can move sideways.
+        least_radius_m: Of a car's tightest curve; None if the base turns on the spot.
+        unmoved_m_s: The fastest setpoint of wheels of which none moves; 0 if one does.
+        least_m_s: Wheels follow setpoints from here on.
+        commands: What is wrong with their rhythm.
         release: The command that lets this robot, and no other, drive again.
         unseen: The wheels may turn, and no count shows it.
         battery: What an empty battery forbids.
     """
-    found = list[Cause]()
+
+    now_ns: int
+    decision: Decision
+    latched: Latched | None = None
+    holds: Sequence[Hold] = ()
+    stop_waits: bool = False
+    in_motion: bool = False
+    refused: Mapping[str, int] = {}
+    linear: AxisCaps = AxisCaps()
+    angular: AxisCaps = AxisCaps()
+    holonomic: bool = True
+    least_radius_m: float | None = None
+    unmoved_m_s: float = 0.0
+    least_m_s: float = 0.0
+    commands: Sequence[Cause] = ()
+    release: str = "yahboomd stop --release"
+    unseen: bool = False
+    battery: str = ""
+
+
+def reasons(now: Situation) -> tuple[Cause, ...]:
+    """Every reason why the robot stands; while it may drive, who drives."""
+    found, decision, latched = list[Cause](), now.decision, now.latched
     if latched is not None:
-        ago = _seconds(now_ns - latched.since_ns)
+        ago = _seconds(now.now_ns - latched.since_ns)
         words = f"Emergency stop, engaged by {latched.by} {ago} ago: {latched.reason}."
         found.append(Cause("estop", words))
     found += [
-        Cause(hold.kind, _held(now_ns, hold))
-        for hold in sorted(holds, key=lambda hold: hold.kind != FAULT)
+        Cause(hold.kind, _held(now.now_ns, hold))
+        for hold in sorted(now.holds, key=lambda hold: hold.kind != FAULT)
     ]
     if {"estop", FAULT} & {each.kind for each in found}:
-        found.append(Cause("release", f"To drive again: `{release}`."))
+        found.append(Cause("release", f"To drive again: `{now.release}`."))
+    found += now.commands
     if words := _not_commanded(decision):
         lost = decision.why == "no_command" and decision.source is not None
         found.append(Cause("lost" if lost else decision.why, words))
-    elif words := _impossible(decision, linear, angular, holonomic=holonomic):
+    elif words := _impossible(now) or _too_slow(now):
         found.append(Cause("cannot", words))
     # Refusals explain a standing robot; a driving one obeys other commands.
-    if refused and found:
-        listed = ", ".join(f"{count} {reason}" for reason, count in sorted(refused.items()))
+    if now.refused and found:
+        listed = ", ".join(f"{count} {reason}" for reason, count in sorted(now.refused.items()))
         found.append(Cause("refused", f"Commands refused lately: {listed}."))
     if not found:
         found.append(Cause("driving", f"{source_words(decision.driver)} drives."))
-    around = Cause("wheels", MAY_TURN if unseen else ""), *found, Cause("battery", battery)
+    unseen = Cause("wheels", MAY_TURN if now.unseen else "")
+    around = unseen, *found, Cause("battery", now.battery)
     return tuple(each for each in around if each.text)
 
 
@@ -83,32 +99,20 @@ def why(found: Sequence[Cause]) -> str:
     return " ".join(each.text for each in found)
 
 
-def state_of(
-    *,
-    decision: Decision,
-    latched: Latched | None = None,
-    holds: Sequence[Hold] = (),
-    stop_waits: bool = False,
-    in_motion: bool,
-) -> State:
-    """The state in the status; if several apply, the one that needs a person first.
-
-    Args:
-        stop_waits: The stop of the latch, or of a fault, has not left this machine yet.
-        in_motion: Wheels turn, or are commanded to.
-    """
-    kinds = {hold.kind for hold in holds}
-    if stop_waits and (latched is not None or FAULT in kinds):
+def state_of(now: Situation) -> State:
+    """The state in the status; if several apply, the one that needs a person first."""
+    kinds = {hold.kind for hold in now.holds}
+    if now.stop_waits and (now.latched is not None or FAULT in kinds):
         return "stopping"
-    if latched is not None:
+    if now.latched is not None:
         return "estopped"
     if FAULT in kinds or BOARD_UNFIT in kinds:
         return "fault"
     if WAITING_FOR_BOARD in kinds:
         return "waiting"
-    if decision.why == "driving" and not kinds:
+    if now.decision.why == "driving" and now.in_motion and not kinds:
         return "driving"
-    return "stopping" if in_motion else "standing"
+    return "stopping" if now.in_motion else "standing"
 
 
 def _held(now_ns: int, hold: Hold) -> str:
@@ -136,54 +140,41 @@ def _not_commanded(decision: Decision) -> str:
             return ""
 
 
-def _impossible(
-    decision: Decision,
-    linear: AxisCaps | None,
-    angular: AxisCaps | None,
-    *,
-    holonomic: bool,
-) -> str:
-    """Explain a wish that the limits and the geometry reduce to nothing."""
-    twist = decision.twist
-    straight = linear is None or linear.velocity != 0.0
-    turning = angular is None or angular.velocity != 0.0
-    left = (
-        twist.vx if straight else 0.0,
-        twist.vy if straight and holonomic else 0.0,
-        twist.wz if turning else 0.0,
-    )
-    if any(left):
-        return _crawling(decision, linear, angular)
-    driver = source_words(decision.driver)
-    if not holonomic and twist.vx == 0.0 and twist.wz == 0.0:
-        return f"{driver} commands sideways motion, which this base cannot do."
-    allowed = {"limits.linear": straight, "limits.angular": turning}
-    zeros = " and ".join(name for name, may in allowed.items() if not may)
-    return f"{driver} commands motion that {zeros}.velocity = 0 forbids."
-
-
-def _crawling(decision: Decision, linear: AxisCaps | None, angular: AxisCaps | None) -> str:
-    """Explain limits that reduce a wish until the robot seems to stand."""
-    twist, found = decision.twist, list[str]()
+def _impossible(now: Situation) -> str:
+    """Explain a wish that the geometry or the limits reduce until the robot seems to stand."""
+    twist, driver, found = now.decision.twist, source_words(now.decision.driver), list[str]()
+    if twist.wz and not twist.vx and now.least_radius_m:
+        words = f"{driver} commands a turn on the spot, which a car cannot do. Command vx with it:"
+        return f"{words} its tightest curve has a radius of {now.least_radius_m:.2g} m."
+    if not (now.holonomic or twist.vx or twist.wz):
+        return f"{driver} commands sideways motion, which this base cannot do. Turn it, then drive."
+    ahead_m_s = math.hypot(twist.vx, twist.vy if now.holonomic else 0.0)
     for name, unit, wish, limits, slow in (
-        ("linear", "m/s", math.hypot(twist.vx, twist.vy), linear, STANDING_M_S),
-        ("angular", "rad/s", abs(twist.wz), angular, SLOW_RAD_S),
+        ("linear", "m/s", ahead_m_s, now.linear, STANDING_M_S),
+        ("angular", "rad/s", abs(twist.wz), now.angular, SLOW_RAD_S),
     ):
-        if wish < slow:
-            continue
-        velocity = math.inf if limits is None or limits.velocity is None else limits.velocity
-        gains = math.inf if limits is None or limits.acceleration is None else limits.acceleration
-        if velocity < slow:
+        velocity = math.inf if limits.velocity is None else limits.velocity
+        gains = math.inf if limits.acceleration is None else limits.acceleration
+        if velocity < min(wish, slow):
             left = f"limits.{name}.velocity = {velocity:g} is all that is left of {wish:g} {unit}"
             found.append(left)
-        elif gains < slow:
+        elif gains < slow <= wish:
             late = f"lets it reach {wish:g} {unit} only after {wish / gains:.0f} s"
             found.append(f"limits.{name}.acceleration = {gains:g} {late}")
-        else:
+        elif wish >= slow:
             return ""
-    if not found:
+    return f"{driver} drives at a crawl, or not at all: {', and '.join(found)}." if found else ""
+
+
+def _too_slow(now: Situation) -> str:
+    """Explain setpoints at which no wheel begins to turn."""
+    if not (now.unmoved_m_s and now.in_motion) or now.holds or now.latched:
         return ""
-    return f"{source_words(decision.driver)} drives at a crawl: {', and '.join(found)}."
+    return (
+        f"{source_words(now.decision.driver)} commands wheels {now.unmoved_m_s:.2g} m/s, and none "
+        f"has moved in {UNMOVED_S:g} s: too slow for these motors on this floor. Command "
+        f"{max(now.least_m_s, 2.0 * now.unmoved_m_s):.2g} m/s or more, or a faster turn."
+    )
 
 
 def _seconds(duration_ns: int) -> str:

@@ -47,11 +47,11 @@ class SlidingMinimum(_Slices[int]):
 class SlidingCounts(_Slices[Counter[str]]):
     """Counts the occurrences of each thing in the last ``window_ns``."""
 
-    def add(self, now_ns: int, what: str) -> None:
+    def add(self, now_ns: int, what: str, times: int = 1) -> None:
         slices, index = self._recent(now_ns), now_ns // self._slice_ns
         if not slices or slices[-1][0] != index:
             slices.append((index, Counter()))
-        slices[-1][1][what] += 1
+        slices[-1][1][what] += times
 
     def counts(self, now_ns: int) -> dict[str, int]:
         total: Counter[str] = Counter()

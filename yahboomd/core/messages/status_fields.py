@@ -17,7 +17,7 @@ FieldKind: TypeAlias = Literal["counter", "gauge", "text"]
 """A counter counts, and only grows until the daemon ends; a gauge is any other number."""
 
 
-class StatusField(msgspec.Struct, frozen=True, kw_only=True):
+class StatusField(msgspec.Struct, frozen=True):
     """One counter or fact of the status.
 
     Attributes:
@@ -27,11 +27,11 @@ class StatusField(msgspec.Struct, frozen=True, kw_only=True):
         per: The keys of a map, such as ``source``; empty for a single value.
     """
 
-    name: str
     group: GroupName
     kind: FieldKind
-    unit: str = ""
+    name: str
     meaning: str
+    unit: str = ""
     absent: str = ""
     per: str = ""
 
@@ -208,31 +208,12 @@ _UNKNOWN = "no board is connected, or it has no settings; null if it did not ans
 
 def _counters(group: GroupName, meanings: dict[str, str]) -> tuple[StatusField, ...]:
     return tuple(
-        StatusField(
-            name=name,
-            group=group,
-            kind="counter",
-            unit="bytes" if name.endswith("bytes") else "",
-            meaning=meaning,
-        )
+        StatusField(group, "counter", name, meaning, "bytes" if name.endswith("bytes") else "")
         for name, meaning in meanings.items()
     )
 
 
-def _fact(
-    group: GroupName,
-    kind: FieldKind,
-    name: str,
-    meaning: str,
-    *,
-    unit: str = "",
-    absent: str = "",
-    per: str = "",
-) -> StatusField:
-    return StatusField(
-        name=name, group=group, kind=kind, unit=unit, meaning=meaning, absent=absent, per=per
-    )
-
+_fact = StatusField
 
 FIELDS: tuple[StatusField, ...] = (
     _fact("board", "text", "port", "the port that it is connected to", absent=_UNCONNECTED),
