@@ -75,6 +75,31 @@ def test_each_folder_is_a_door() -> None:
     assert {path.parent.name for path in (ROOT / "yahboomd").glob("*/__init__.py")} == {*MOST_CODE}
 
 
+GUARDED = {
+    "core/link/connected_board.py": ("core/daemon/control.py", "guard=guard or PortGuard()"),
+    "tools/port/pulses.py": ("tools/setup/setup_wizard.py", "guard.watch_over(", "Pulses("),
+    "tools/tune/stand.py": ("tools/tune/stand.py", "guard.watch_over(", "stand = cls("),
+}
+"""The only files that write motion, by `run`, `setup` and `tune`; where each shares its port with a
+guard, before what writes is made. Every other command asks a daemon."""
+
+
+def test_no_motion_is_written_without_a_guard() -> None:
+    writes = re.compile(r"\bwriter\.velocity\(|\bdialect\.(speeds|outputs)\(")
+    package = ROOT / "yahboomd"
+    writing = {
+        path.relative_to(package).as_posix()
+        for path in package.rglob("*.py")
+        if "simulation" not in path.parts and writes.search(path.read_text())
+    }
+    assert writing == {*GUARDED}
+    for where, *steps in GUARDED.values():
+        text = (package / where).read_text()
+        places = [text.find(step) for step in steps]
+        assert -1 not in places
+        assert places == sorted(places), where
+
+
 def test_blanks_comments_and_docstrings_are_no_code() -> None:
     assert code_lines('"""Doc\nstring."""\n\n# Why.\nX = """a\nb"""  # c\n"""About X."""\n') == 2
 
