@@ -43,3 +43,26 @@ def spills(page: Page) -> list[str]:
 def enlarge(page: Page, percent: int) -> None:
     """The size of text that a person chose in the browser."""
     page.evaluate(f"document.documentElement.style.fontSize = '{percent}%'")
+
+
+def seen(page: Page, selector: str) -> str:
+    """The first words of a box that are inside of it, as far as its height shows them."""
+    words: str = page.evaluate(
+        f"""(() => {{
+            const box = document.querySelector('{selector}');
+            const edge = box.getBoundingClientRect();
+            const walker = document.createTreeWalker(box, NodeFilter.SHOW_TEXT);
+            let found = "";
+            for (let node = walker.nextNode(); node; node = walker.nextNode())
+                for (let at = 0; at < node.length; at += 1) {{
+                    const range = document.createRange();
+                    range.setStart(node, at);
+                    range.setEnd(node, at + 1);
+                    const letter = range.getBoundingClientRect();
+                    if (letter.bottom <= edge.bottom + 1 && letter.right <= edge.right + 1)
+                        found += node.data[at];
+                }}
+            return found;
+        }})()"""
+    )
+    return words

@@ -150,7 +150,7 @@ def test_without_tls_the_settings_name_what_the_browser_withholds_and_how_to_get
         page.go(driver)
         bench.ready(page)
         page.click(".gear")
-        page.says(".settings", "sudo yahboomd web --make-certificate")
+        page.says(".settings", "the page on phones")
         page.says(".settings", "Needs TLS")
         # The panel covers the joystick.
         page.touch(page.middle(".settings"))

@@ -38,7 +38,7 @@ def test_two_phones_see_who_has_control_and_one_ends_the_session_of_the_other_in
             name(page, text)
             assert page.evaluate("location.href + document.cookie").count("token") == 0
         bench.press(anne)
-        bert.says("#why", "Anne drives.")
+        bert.says("#driver", "Anne drives.")
         bert.says(".words", "Anne has control of the robot.")
         bench.stops_after(lambda: bert.click(".take"))
         anne.says(".words", "Bert has control of the robot.")

@@ -39,11 +39,30 @@ def test_a_page_that_gave_control_back_leaves_the_robot_to_the_next_that_touches
 ) -> None:
     bench.press(page)
     bench.stops_after(page.lift)
-    page.click(".take")
-    page.says("#driver", "No page")
     with bench.page() as other:
+        other.says(".words", "has control of the robot.")
+        bench.put_down(other, bench.place(other, 0.0, 0.8))
+        other.lift()
+        page.click(".take")
+        page.says("#driver", "No page")
+        other.says(".words", "Ready.")
         bench.press(other)
         bench.stops_after(other.lift)
+
+
+@pytest.mark.nightly
+def test_a_page_without_control_takes_it_where_the_stop_is_released(
+    bench: PageBench, page: Page
+) -> None:
+    bench.press(page)
+    bench.stops_after(page.lift)
+    page.click("#estop")
+    with bench.page() as other:
+        other.says("#release", "Take control")
+        other.click("#release")
+        other.says("#release", "Release the stop")
+        other.click("#release")
+        other.says("#state", "standing")
 
 
 @pytest.mark.nightly
@@ -62,7 +81,7 @@ def test_a_viewer_watches_and_stops_and_neither_drives_nor_releases(
         bench.stays()
         page.lift()
         page.tap("#estop")
-        page.says("#estop-text", "Only the page that has control can release it")
+        page.says("#estop-text", "A phone that may drive can release it")
         assert page.evaluate("document.querySelector('#release').hidden")
     with bench.page(url=driver) as page:
         page.until("document.querySelector('#release').checkVisibility()")

@@ -7,6 +7,7 @@ import signal
 import pytest
 from chromium import Page
 from page_bench import PageBench
+from page_checks import seen
 from real_robot import wait_for
 
 pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser")]
@@ -52,6 +53,7 @@ def test_space_stops_wherever_the_focus_is(bench: PageBench, page: Page, focus: 
     page.evaluate(f"document.querySelector('{focus}').focus()")
     page.type("Space")
     page.says("#state", "emergency stop")
+    assert page.evaluate("document.activeElement.nextElementSibling.id") == "release", "one Tab"
     release(bench, page)
 
 
@@ -85,7 +87,7 @@ def test_a_robot_that_is_stopped_is_not_driven_until_it_is_released(
     bench: PageBench, page: Page
 ) -> None:
     page.tap("#estop")
-    page.says(".words", "Emergency stop: release it to drive")
+    page.says(".words", "Release the stop to drive")
     page.touch(page.middle(".pad"))
     x, y = page.middle(".pad")
     page.touch((x, y - 60), kind="touchMove")
@@ -123,29 +125,6 @@ def test_a_fault_is_named_in_words_and_one_button_clears_it(bench: PageBench, pa
     page.says("#release", "Clear the fault")
     release(bench, page)
     page.says("#state", "standing")
-
-
-def seen(page: Page, selector: str) -> str:
-    """The first words of a box that are inside of it, as far as its height shows them."""
-    words: str = page.evaluate(
-        f"""(() => {{
-            const box = document.querySelector('{selector}');
-            const edge = box.getBoundingClientRect();
-            const walker = document.createTreeWalker(box, NodeFilter.SHOW_TEXT);
-            let found = "";
-            for (let node = walker.nextNode(); node; node = walker.nextNode())
-                for (let at = 0; at < node.length; at += 1) {{
-                    const range = document.createRange();
-                    range.setStart(node, at);
-                    range.setEnd(node, at + 1);
-                    const letter = range.getBoundingClientRect();
-                    if (letter.bottom <= edge.bottom + 1 && letter.right <= edge.right + 1)
-                        found += node.data[at];
-                }}
-            return found;
-        }})()"""
-    )
-    return words
 
 
 MAY_TURN = "The wheels may still turn: switch the motors' supply off."

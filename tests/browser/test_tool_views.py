@@ -61,7 +61,7 @@ def begin(page: Page) -> None:
     """Begin by tape, with short and quick runs."""
     there(page, ".choice:not([hidden]) details")
     # What the page may not do, it names.
-    page.says(".calibrate", "yahboomd setup")
+    page.says(".calibrate", "on its own computer")
     page.evaluate("document.querySelector('.choice details').open = true")
     for name, value in (("straight", 1), ("turns", 1), ("speed", 0.4), ("turn-speed", 2)):
         page.evaluate(f"document.querySelector('[name={name}]').value = {value}")

@@ -76,6 +76,7 @@ def test_500_ms_of_delay_in_mid_motion_stop_the_robot_and_the_page_says_why(
     page.says("#state", "slow network")
     page.says("#why", "too slow to drive")
     bench.network.delay_s = 0.0
+    page.says(".words", "Ready.")
     bench.press(page)
     bench.stops_after(page.lift)
 

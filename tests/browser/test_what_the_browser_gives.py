@@ -218,6 +218,6 @@ def test_without_tls_the_screen_may_go_dark_and_the_page_names_the_way_to_tls(
         drive(bench, page)
         page.click(".gear")
         page.says(".settings", "May go dark: keeping it on needs TLS, see below.")
-        page.says(".settings", "sudo yahboomd web --make-certificate")
+        page.says(".settings", "the page on phones")
         # What needs no TLS is there.
         assert page.evaluate("document.querySelector('.full').checkVisibility()")

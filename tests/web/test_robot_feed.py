@@ -93,7 +93,7 @@ async def test_a_key_that_the_daemon_does_not_take_is_named_with_its_remedy(
         refusal = feed.obstacle()
         assert refusal is not None
         assert refusal.why == "no_source"
-        assert 'command.sources."cmd_vel/phone".priority=50' in refusal.text
+        assert "its configuration has no source cmd_vel/phone" in refusal.text
         feed.put(Twist2d(vx=0.1))
 
 

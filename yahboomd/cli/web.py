@@ -240,16 +240,19 @@ def _read(args: argparse.Namespace) -> ReadApart | tuple[str, str]:
     return ReadApart(options, source, loaded.config.web.camera, loaded.path)
 
 
-def state_folder(environ: Mapping[str, str], user_id: int) -> Path:
+def state_folder(
+    environ: Mapping[str, str], user_id: int, service: Path = Path("/var/lib/yahboomd-web")
+) -> Path:
     """The folder for links, sessions and a certificate.
 
     Args:
         environ: For ``STATE_DIRECTORY`` (the service manager's), ``XDG_STATE_HOME`` and ``HOME``.
+        service: The folder of the page's service: root's too, if the service has run.
     """
     if given := environ.get("STATE_DIRECTORY", "").split(":")[0]:
         return Path(given)
-    if user_id == 0:
-        return Path("/var/lib/yahboomd-web")
+    if user_id == 0 and service.is_dir():
+        return service
     if state := environ.get("XDG_STATE_HOME"):
         return Path(state) / "yahboomd"
     return Path(environ.get("HOME", "/")) / ".local/state/yahboomd"

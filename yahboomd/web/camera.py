@@ -400,6 +400,8 @@ async def _question(socket: WebSocket) -> str | None:
             return await socket.receive_text()
     except TimeoutError:
         await socket.close()
-    except (WebSocketDisconnect, KeyError):
+    except KeyError:
+        await socket.close(POLICY, "This page sent what no page sends.")
+    except WebSocketDisconnect:
         pass
     return None

@@ -229,8 +229,11 @@ class PageHub:
         while True:
             try:
                 text = await socket.receive_text()
-            except (WebSocketDisconnect, KeyError):
+            except WebSocketDisconnect:
                 return
+            except KeyError:
+                # A binary frame.
+                text = ""
             frame = read_frame(text)
             if isinstance(frame, StopFrame):
                 # Before any limit; the pause leaves time for others if a page floods us with stops.

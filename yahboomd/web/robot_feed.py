@@ -328,8 +328,8 @@ def takes(config: dict[str, Any], source: str) -> bool:
 def no_source(source: str) -> str:
     """The words for a daemon that does not know a key of commands."""
     return (
-        f"The daemon takes no commands on {source}. Start it with --set "
-        f"'command.sources.\"{source}\".priority=50', or add that to its configuration."
+        f"The robot takes no commands from pages: its configuration has no source {source}. "
+        "The manual's page on phones tells how to add it."
     )
 
 

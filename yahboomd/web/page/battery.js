@@ -1,14 +1,14 @@
 // The battery in words: percent if the robot's configuration has a curve, else volts.
 
-import { fixed } from "./dom.js";
+import { DASH, fixed } from "./dom.js";
 
 const LOW = { low: " low", empty: " empty" };
 
-/** `{ text, isLow }`; an empty text before the first measurement. */
+/** `{ text, isLow }`; a dash while it is not known. */
 export function charge(live) {
-  const volts = live.sample("battery")?.volts;
+  const volts = live.fresh("battery")?.sample.volts;
   const { battery: level, volts_at_rest: atRest } = live.sample("status")?.board ?? {};
-  if (volts === undefined) return { text: "", isLow: false };
+  if (volts === undefined) return { text: DASH, isLow: false };
   const curve = live.newest("hello")?.battery_curve ?? [];
   const amount = curve.length ? `${Math.round(100 * share(atRest ?? volts, curve))} %` : `${fixed(volts, 1)} V`;
   return { text: `${amount}${LOW[level] ?? ""}`, isLow: level in LOW };

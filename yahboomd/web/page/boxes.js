@@ -64,7 +64,9 @@ export function create({ live, connection }) {
     if (!open) return;
     story.replaceChildren(el("p", {}, "A moment\u2026"));
     try {
-      const answer = await fetch(`/boxes/${name}/words`);
+      let answer;
+      // Others ask, too: ask again until it is this page's turn.
+      while ((answer = await fetch(`/boxes/${name}/words`)).status === 503) await new Promise((done) => setTimeout(done, KNOWN_MS));
       const found = answer.ok ? await answer.json() : { why: await answer.text(), lines: [] };
       const lines = found.lines.map((each) => el("tr", { class: each.what }, el("th", { scope: "row" }, `${fixed(each.before_s, 2)} s`), el("td", {}, each.words)));
       const table = el("table", {}, el("caption", {}, "Events, in seconds before it was saved"), el("tbody", {}, ...lines));

@@ -12,7 +12,6 @@ const FREE = { question: null, progress: null, said: [], result: null, refused: 
 export function create(app) {
   const { live, connection } = app;
   let asked = ""; // The question that is shown.
-  let lost = "";
 
   const state = () => live.newest("calibration") ?? FREE;
   const mine = () => state().page !== null && state().page === live.newest("hello")?.page;
@@ -23,14 +22,12 @@ export function create(app) {
     () => obstacle(connection, live),
     (why) => {
       hold.drop();
-      lost = why;
       if (why) navigator.vibrate?.(120);
       show();
     },
   );
   const hold = new HoldButton(
     () => {
-      lost = "";
       const counts = !deadman.held && deadman.hold({ held: true });
       show();
       return counts;
@@ -46,7 +43,7 @@ export function create(app) {
     choice.start.disabled = false;
     write(why, answer.ok ? "" : answer.text);
   });
-  const setup = el("div", { class: "card" }, el("p", {}, "New motors, wheels or plugs? Set the robot up first, in its terminal:"), el("code", {}, "yahboomd setup"));
+  const setup = el("div", { class: "card" }, el("p", {}, "New motors, wheels or plugs? Set the robot up first, on its own computer."));
   const undo = el("button", { type: "button", onclick: () => undoNow() }, "Take the newest calibration back");
   const undoWords = el("p", { role: "status" });
   const undoCard = el("div", { class: "card" }, el("p", {}, "Does it drive worse than before? Then the calibration before the newest one can count again, from the next start of yahboomd."), undo, undoWords);
@@ -127,6 +124,7 @@ export function create(app) {
     if (now.question?.kind !== "hold") return "";
     if (deadman.held) return "Let go to stop.";
     const barred = obstacle(connection, live);
+    const { lost } = deadman;
     return [lost, barred !== lost && barred].filter(Boolean).join(" ");
   }
 

@@ -166,7 +166,7 @@ class Camera {
     this.element.dataset.live = isLive;
     const old = Number.isFinite(age) ? `Not live: ${duration(age)} old` : "No picture yet";
     write(this.ageText, isLive ? `${fixed(age / 1000, 1)} s` : old);
-    write(this.words, isLive ? "" : this.#problem);
+    write(this.words, isLive ? "" : this.#problem || (age > SILENT_MS ? "The camera sends no picture. It is asked again and again." : ""));
   }
 
   #lost(code, reason) {

@@ -14,16 +14,23 @@ export class Deadman {
   #sentAt = -Infinity;
   #tickedAt = 0;
   #timer = 0;
+  #lost = "";
+  #wasBarred = false;
 
   /**
    * @param connection Carries the velocities.
    * @param obstacle Returns why this page may not drive now, in words; "" if it may.
-   * @param onLetGo Called with the reason when the robot stops being driven; "" when the person let go.
+   * @param onEnd Called with the reason when the robot stops being driven; "" when the person let go.
    */
-  constructor(connection, obstacle, onLetGo) {
+  constructor(connection, obstacle, onEnd) {
     this.connection = connection;
     this.obstacle = obstacle;
-    this.onLetGo = onLetGo;
+    this.onLetGo = (why) => {
+      this.#lost = why;
+      this.#wasBarred = false;
+      onEnd(why);
+      this.#wasBarred = why !== "" && why === this.obstacle();
+    };
     const lose = (why) => () => this.letGo(why);
     document.addEventListener("visibilitychange", () => document.hidden && this.letGo("The page was hidden."));
     document.addEventListener("freeze", lose("The page was hidden."));
@@ -39,6 +46,17 @@ export class Deadman {
 
   get held() {
     return this.#velocity !== null;
+  }
+
+  /** Why the last motion ended; "" if the person let go, or if what was in the way is gone. */
+  get lost() {
+    if (this.held || (this.#wasBarred && !this.obstacle())) this.forget();
+    return this.#lost;
+  }
+
+  /** Nothing is to be said of the last motion any more. */
+  forget() {
+    this.#lost = "";
   }
 
   /** Begin to drive, at a velocity that `move` changes; false, with the reason passed on, if it may not. */

@@ -26,6 +26,9 @@ export function fixed(value, decimals) {
   return Number(text) === 0 ? (0).toFixed(decimals) : text.replace("-", "\u2212");
 }
 
+/** In place of a figure that is not known now. */
+export const DASH = "\u2013";
+
 /** The time of day of a stamp in Unix nanoseconds. */
 export function timeOf(stampNs) {
   return new Date(stampNs / 1e6).toLocaleTimeString([], { hour: "2-digit", minute: "2-digit", second: "2-digit" });

@@ -2,7 +2,7 @@
 
 import { keepAwake } from "./awake.js";
 import { Deadman } from "./deadman.js";
-import { buzz, el, fixed, write } from "./dom.js";
+import { buzz, DASH, el, fixed, write } from "./dom.js";
 import { Gamepad } from "./gamepad.js";
 import { Joystick } from "./joystick.js";
 import { Keyboard } from "./keyboard.js";
@@ -24,7 +24,6 @@ function create(app) {
   const { live, connection } = app;
   let isShown = false;
   let by = "thumb"; // Or "keys", or "gamepad": what drives, or drove last.
-  let lost = ""; // Why the last motion ended, unless the person let go.
 
   const share = () => Number(slider.value) / 100;
   const limits = () => live.newest("hello")?.limits ?? { vx: 0, vy: 0, wz: 0 };
@@ -50,7 +49,6 @@ function create(app) {
     joystick.drop();
     keyboard.drop();
     gamepad.drop();
-    lost = why;
     if (why) buzz(120);
     keepAwake();
     show();
@@ -62,7 +60,6 @@ function create(app) {
       deadman.move(velocity(right, up, left));
     } else {
       by = what;
-      lost = "";
       if (live.newest("control")?.page_driver === null) connection.controlIfFree();
       if (deadman.hold(velocity(right, up, left))) keepAwake();
       show();
@@ -139,6 +136,7 @@ function create(app) {
     joystick.pad.classList.toggle("barred", Boolean(why));
     for (const each of presets) each.setAttribute("aria-pressed", each.value === slider.value);
     showSettings();
+    showSpeed();
     const driver = live.newest("hello")?.role === "driver" && connection.isOpen;
     const other = live.newest("control")?.page_driver ?? null;
     take.hidden = !driver || other === null;
@@ -151,13 +149,13 @@ function create(app) {
     const isEmpty = live.sample("status")?.board.battery === "empty";
     if (deadman.held) return refusal() || `Driving${isEmpty ? " slowly: the battery is empty" : ""}. Let go to stop.`;
     // What to do comes first: on a small screen the rest scrolls.
-    if (lost && !why) return `${AGAIN[by]} ${lost.replace(/ Let go, .*again\.$/, "")}`;
+    if (deadman.lost && !why) return `${AGAIN[by]} ${deadman.lost.replace(/ Let go, .*again\.$/, "")}`;
     return why || "Ready. Touch the pad to drive.";
   }
 
   /** The daemon's words on another source that has control while this page drives. */
   function refusal() {
-    const driver = live.sample("status")?.driver;
+    const driver = live.fresh("status")?.sample.driver;
     const own = live.newest("hello")?.source ?? "cmd_vel/web";
     return driver && driver !== own ? `${driver} has priority and drives the robot.` : "";
   }
@@ -172,12 +170,14 @@ function create(app) {
   live.on("control", ({ mine: isMine, name }) => isMine || deadman.letGo(`${name || "Another page"} took control.`));
   live.on("link", ({ open }) => open || deadman.letGo("The connection to the robot was lost."));
   for (const type of ["hello", "control", "daemon", "status", "link", "delay"]) live.on(type, show);
-  live.on("twist", ({ sample }) => {
-    if (!isShown) return;
+  function showSpeed() {
+    const sample = live.fresh("twist")?.sample;
+    const figure = (name) => (sample ? fixed(sample[name], 2) : DASH);
     // A line for each: what changes its length must not move the pad.
-    const across = sideways() ? `sideways ${fixed(sample.vy, 2)} m/s\n` : "";
-    write(speed, `Forward ${fixed(sample.vx, 2)} m/s\n${across}turn ${fixed(sample.wz, 2)} rad/s`);
-  });
+    const across = sideways() ? `sideways ${figure("vy")} m/s\n` : "";
+    write(speed, `Forward ${figure("vx")} m/s\n${across}turn ${figure("wz")} rad/s`);
+  }
+  live.on("twist", () => isShown && showSpeed());
 
   const element = el(
     "section",

@@ -28,7 +28,7 @@ export class Estop {
     // Capture: before the key acts on the focused element.
     addEventListener("keydown", (event) => this.#key(event), { capture: true });
     addEventListener("keyup", (event) => event.code === "Space" && !this.#types(event) && event.preventDefault(), { capture: true });
-    for (const type of ["status", "hello", "control", "link"]) live.on(type, () => this.#show());
+    for (const type of ["status", "hello", "control", "link", "daemon"]) live.on(type, () => this.#show());
     this.#show();
   }
 
@@ -47,7 +47,10 @@ export class Estop {
     if (event.code !== "Space" || this.#types(event)) return;
     event.preventDefault();
     event.stopPropagation();
-    if (!event.repeat) this.engage();
+    if (event.repeat) return;
+    this.engage();
+    // The next Tab reaches the release.
+    this.button.focus({ preventScroll: true });
   }
 
   #types({ target }) {
@@ -84,6 +87,7 @@ export class Estop {
   }
 
   async #release() {
+    if (!this.#isMine) return this.connection.control(true);
     this.releaseButton.disabled = true;
     const answer = await this.connection.request("release");
     this.releaseButton.disabled = false;
@@ -93,28 +97,31 @@ export class Estop {
     this.button.focus({ preventScroll: true });
   }
 
-  #show() {
-    const state = this.live.sample("status")?.state ?? "";
-    const engaged = state === "estopped";
+  get #isMine() {
     const control = this.live.newest("control");
-    const mine = this.live.newest("hello")?.role === "driver" && (control?.mine || control?.page_driver === null);
+    return control?.mine || control?.page_driver === null;
+  }
+
+  #show() {
+    const state = this.live.fresh("status")?.sample.state ?? "";
+    const engaged = state === "estopped";
+    const drives = this.live.newest("hello")?.role === "driver";
     if (!this.#wanted && this.#state === "estopped" && !engaged) this.#answer = "";
     this.#state = state;
     this.bar.classList.toggle("wanted", this.#wanted);
     this.bar.classList.toggle("engaged", engaged);
-    this.releaseButton.hidden = this.#wanted || !mine || !(engaged || state === "fault");
-    write(this.releaseButton, engaged ? "Release the stop" : "Clear the fault");
+    this.releaseButton.hidden = this.#wanted || !drives || !(engaged || state === "fault");
+    write(this.releaseButton, !this.#isMine ? "Take control" : engaged ? "Release the stop" : "Clear the fault");
     write(this.button, this.#wanted ? "Stopping\u2026" : engaged ? "Stop again" : "Emergency stop");
-    write(this.text, this.#words(engaged, mine));
+    write(this.text, this.#words(engaged, drives));
   }
 
-  #words(engaged, mine) {
+  #words(engaged, drives) {
     if (this.#wanted && this.#attempts === 1) return "Asking the robot to stop\u2026";
     // The remedy first: on a small screen the rest scrolls.
     if (this.#wanted) return `${OFF} Not acknowledged yet, attempt ${this.#attempts}. ${this.#answer.replace(OFF, "")}`.trim();
     if (!engaged) return this.#answer;
     const off = this.live.sample("status").wheels === "unknown" ? `${OFF} ` : "";
-    const who = mine ? "" : " Only the page that has control can release it.";
-    return off + (this.#answer || "The emergency stop is engaged.") + who;
+    return off + this.#answer + (drives ? "" : " A phone that may drive can release it.");
   }
 }

@@ -14,7 +14,6 @@ export class GoThere {
   #from = [0, 0];
   #timer = 0;
   #turn = false;
-  #lost = "";
   #isNew = true; // The place is new: the end of an earlier move is not shown for it.
 
   /** @param onChange Called when the drawing on the map has to change. */
@@ -75,7 +74,7 @@ export class GoThere {
     if (this.deadman.held) return;
     this.place = { x, y };
     this.#isNew = true;
-    this.#lost = "";
+    this.deadman.forget();
     this.#show();
     this.onChange();
   }
@@ -114,7 +113,6 @@ export class GoThere {
   #begin(turn) {
     if (this.deadman.held) return false;
     this.#turn = turn;
-    this.#lost = "";
     if (this.live.newest("control")?.page_driver === null) this.connection.controlIfFree();
     const counts = this.deadman.hold({ held: true });
     this.#isNew = !counts;
@@ -125,7 +123,6 @@ export class GoThere {
   #ended(why) {
     this.#forget();
     for (const each of this.buttons) each.drop();
-    this.#lost = why;
     if (why) buzz(120);
     this.#show();
   }
@@ -149,7 +146,7 @@ export class GoThere {
     this.opener.setAttribute("aria-expanded", this.isOpen);
     this.place = null;
     this.#isNew = true;
-    this.#lost = "";
+    this.deadman.forget();
     this.#show();
     this.onChange();
   }
@@ -167,7 +164,8 @@ export class GoThere {
   #text(move) {
     const barred = this.#barred();
     if (this.deadman.held) return move.state === "running" ? `${left(move)} Let go to stop.` : "It begins. Let go to stop.";
-    if (this.#lost) return this.#lost === barred || !barred ? this.#lost : `${this.#lost} ${barred}`;
+    const { lost } = this.deadman;
+    if (lost) return lost === barred || !barred ? lost : `${lost} ${barred}`;
     if (barred) return barred;
     if (move.state === "running") return left(move);
     if (move.state === "ended" && !this.#isNew) return move.message;

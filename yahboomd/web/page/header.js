@@ -1,16 +1,20 @@
 // The lines on top of every view: state, why the robot stands, who drives, battery, network.
 
 import { charge } from "./battery.js";
-import { duration, write } from "./dom.js";
+import { DASH, duration, write } from "./dom.js";
 import { delayOf, weakness } from "./obstacles.js";
 
-const STATES = {
-  driving: "driving", standing: "standing", stopping: "stopping", estopped: "emergency stop",
-  fault: "fault", waiting: "waiting",
-};
+const STATES = { estopped: "emergency stop" };
 const MOVES = "cmd_vel/moves";
-const OLD_MS = 3000; // Two statuses come in a second.
 const SILENT_MS = 1000; // A weak network is silent for shorter times now and then.
+// Nothing to read: nobody drives, who drives stands below, and a button releases.
+const UNSAID = ["no_command", "ended", "driving", "release"];
+// What helps at the robot's computer alone is read in Health.
+const SHORT = {
+  waiting_for_board: "The robot's computer has no connection to its motor board. Details are in Health.",
+  board_unfit: "The settings of the motor board do not fit this robot. Details are in Health.",
+  battery: "The battery is empty: it drives slowly.",
+};
 
 const at = (id) => document.getElementById(id);
 
@@ -27,12 +31,10 @@ export function watchHeader(connection, live) {
     write(at("state"), found.words);
     write(at("why"), found.why);
     write(at("driver"), who(live));
-    // Old figures would look like new ones.
-    const { text, isLow } = found.state === "offline" ? { text: "", isLow: false } : charge(live);
+    const { text, isLow } = charge(live);
     write(at("battery"), text);
     at("battery").classList.toggle("low", isLow);
-    const delay = delayOf(live);
-    write(at("delay"), delay && found.state !== "offline" ? `${Math.round(delay)} ms` : "");
+    write(at("delay"), live.fresh("status") ? `${Math.round(delayOf(live)) || DASH} ms` : "");
     fit();
   };
   for (const type of ["link", "problem", "hello", "control", "daemon", "status", "battery", "delay"]) live.on(type, show);
@@ -41,59 +43,54 @@ export function watchHeader(connection, live) {
 }
 
 function summary(connection, live) {
-  const link = live.newest("link");
   const problem = live.newest("problem");
   if (problem) return { state: "offline", words: "no access", why: problem.text };
-  if (!connection.isOpen) {
-    const attempt = connection.attempts > 1 ? ` Attempt ${connection.attempts}.` : "";
-    const why = link?.reason || "Connecting to the robot's computer.";
-    return { state: "offline", words: "not connected", why: `${why}${attempt}` };
-  }
-  const daemon = live.newest("daemon");
-  if (daemon && !daemon.alive) return { state: "offline", words: "no daemon", why: "Is yahboomd running on the robot? Details are in Health." };
-  if (connection.beatAge > SILENT_MS && connection.beatAge < Infinity)
-    return { state: "offline", words: "silent", why: "Nothing comes from the robot, or the network is too weak." };
+  const [words, reason] = silence(connection, live);
   const status = live.sample("status");
-  if (!status) return { state: "offline", words: "connecting", why: "Waiting for the robot's first status." };
-  if (live.age("status") > OLD_MS)
-    return { state: "offline", words: "silent", why: `The last status is ${duration(live.age("status"))} old. It was: ${status.why}` };
-  if (status.wheels === "unknown") return { state: "fault", words: "may turn", why: plain(status.why) };
+  const why = `${wheels(status, live, !reason)}${reason || plain(status, live)}`;
+  if (reason) return { state: "offline", words, why };
+  if (status.wheels === "unknown") return { state: "fault", words: "may turn", why };
   if (["standing", "stopping", "driving"].includes(status.state) && weakness(live))
     return { state: "waiting", words: "slow network", why: "The network is too slow to drive." };
-  const why = plain(named(status.why, live), live.newest("hello")?.role);
   return { state: status.state, words: STATES[status.state] ?? status.state, why };
 }
 
-// That nobody drives is no reason to read; every other sentence stays as the daemon has it.
-const ENDED = /(?:[^.`]* ended with a zero command(?: \d+(?:\.\d+)? [a-z]+ ago)?|No source commands motion|The page commands zero and keeps control)\./.source;
-const NOBODY = new RegExp(`^${ENDED}|${ENDED}$`, "g");
-const RELEASE = / ?To drive again: `[^`]*`\.?/g; // The button below does the same.
-
-/** The daemon's words for a phone. */
-export function plain(why, role) {
-  const rest = why.replace(NOBODY, "");
-  const words = role === "driver" ? rest.replace(RELEASE, "") : rest;
-  return words.replace(/`([^`]*)`/g, "“$1”").trim() || "Ready.";
+/** Why no state of the robot is known now, in a word and a sentence; empty if it is. */
+function silence(connection, live) {
+  if (!connection.isOpen) {
+    const attempt = connection.attempts > 1 ? ` Attempt ${connection.attempts}.` : "";
+    return ["not connected", `${live.newest("link")?.reason || "Connecting to the robot's computer."}${attempt}`];
+  }
+  if (live.newest("daemon")?.alive === false) return ["no daemon", "Is yahboomd running on the robot? Details are in Health."];
+  if (connection.beatAge > SILENT_MS && connection.beatAge < Infinity)
+    return ["silent", "Nothing comes from the robot, or the network is too weak."];
+  if (!live.sample("status")) return ["connecting", "Waiting for the robot's first status."];
+  return live.fresh("status") ? ["", ""] : ["silent", `yahboomd says nothing since ${duration(live.age("status"))}.`];
 }
 
-/** Which page, by its name; "" before that is known. */
-function pageInControl(live) {
-  const control = live.newest("control");
-  if (!control) return "";
-  return control.mine ? "This page" : control.page_driver === null ? "No page" : control.name;
+/** What the wheels may do: the first words wherever another sentence could be read as "it stands". */
+export function wheels(status, live, isNow) {
+  const ago = live.age("status");
+  if (status?.wheels === "unknown")
+    return `The wheels may still turn: switch the motors' supply off. Not seen for ${duration(ago + (status.stamp_ns - status.wheels_since_ns) / 1e6)}. `;
+  if (status?.wheels !== "turning" || (isNow && status.state === "driving")) return "";
+  return isNow ? "The wheels still turn. " : `The wheels turned ${duration(ago)} ago: look at the robot. `;
 }
 
-/** Which page it is that drives. */
-function named(why, live) {
-  const isKnown = (live.newest("control")?.page_driver ?? null) !== null;
-  return isKnown ? why.replace(/^The page drives\b/, `${pageInControl(live)} drives`) : why;
+/** The daemon's reasons for a phone. */
+export function plain({ reasons, why, driver, state }, live) {
+  const isSaid = ({ kind }) => kind !== "wheels" && !UNSAID.includes(kind) && !(kind === "zero_command" && driver === live.newest("hello")?.source);
+  const words = (reasons ?? [{ kind: "", text: why }]).filter(isSaid).map(({ kind, text }) => SHORT[kind] ?? text);
+  return words.join(" ").replace(/`([^`]*)`/g, "\u201c$1\u201d") || (state === "standing" ? "Ready." : "");
 }
 
+/** Who has control, and who drives. */
 function who(live) {
-  const page = pageInControl(live);
-  if (!page) return "";
-  const driver = live.sample("status")?.driver;
-  if (!driver || driver === live.newest("hello")?.source) return `${page} has control.`;
+  const control = live.newest("control");
+  if (!control || !live.fresh("status")) return DASH;
+  const page = control.mine ? "This page" : control.page_driver === null ? "No page" : control.name;
+  const { driver, state } = live.sample("status");
+  if (!driver || driver === live.newest("hello")?.source) return `${page} ${state === "driving" ? "drives" : "has control"}.`;
   return driver === MOVES ? `${page} has control; a move drives.` : `${driver} drives.`;
 }
 

@@ -2,9 +2,11 @@
 
 import { charge } from "./battery.js";
 import { Counters } from "./counters.js";
-import { duration, el, fixed, write } from "./dom.js";
+import { DASH, duration, el, fixed, write } from "./dom.js";
 import { Events } from "./events.js";
 import { delayOf } from "./obstacles.js";
+
+const SEEN = { at_rest: "at rest", turning: "turning", unknown: "not seen" };
 
 export const health = { id: "health", title: "Health", create };
 
@@ -38,21 +40,21 @@ function create({ live, connection }) {
 
   function show() {
     if (element.hidden) return;
-    const status = live.sample("status");
-    const battery = live.sample("battery");
+    const status = live.fresh("status")?.sample;
+    const battery = live.fresh("battery")?.sample;
     const { battery: level, volts_at_rest: atRest } = status?.board ?? {};
     const rest = level ? `, ${level}: ${fixed(atRest, 1)} V at rest` : "";
     const { text } = charge(live);
     const percent = text.includes("%") ? `${text.split(" %")[0]} %, ` : "";
-    fact("Battery", battery ? `${percent}${fixed(battery.volts, 2)} V${rest}` : "not measured yet");
-    if (status) {
-      const { board } = status;
-      fact("Board", board.port ? [board.dialect, board.version && `firmware ${board.version}`].filter(Boolean).join(", ") : "not connected");
-      fact("Port", board.port ?? "");
-      fact("Readings", rate === null ? "" : `${fixed(rate, 0)} a second`);
-      fact("In this state for", duration(Math.max(0, (status.stamp_ns - status.since_ns) / 1e6)));
-      fact("Last refused command", status.command.last_refusal ?? "");
-    }
+    fact("Battery", battery ? `${percent}${fixed(battery.volts, 2)} V${rest}` : DASH);
+    const { board } = status ?? {};
+    const since = (name) => (status?.[name] ? duration(Math.max(0, (status.stamp_ns - status[name]) / 1e6)) : DASH);
+    fact("State", status ? `${status.why} For ${since("since_ns")}.` : DASH);
+    fact("Wheels", status?.wheels ? `${SEEN[status.wheels] ?? status.wheels} for ${since("wheels_since_ns")}` : DASH);
+    fact("Board", !status ? DASH : board.port ? [board.dialect, board.version && `firmware ${board.version}`].filter(Boolean).join(", ") : "not connected");
+    fact("Port", board?.port ?? DASH);
+    fact("Readings", status && rate !== null ? `${fixed(rate, 0)} a second` : DASH);
+    fact("Last refused command", status?.command.last_refusal ?? "");
     const delay = delayOf(live);
     fact("Network", connection.isOpen ? (delay ? `${Math.round(delay)} ms there and back` : "connected") : "not connected");
     const hello = live.newest("hello");
@@ -70,13 +72,15 @@ function create({ live, connection }) {
     el("div", { class: "card" }, el("h2", {}, "Events"), events.element),
     el("div", { class: "card" }, el("h2", {}, "Counters"), counters.element),
   );
+  let clock = 0;
   return {
     element,
     show: () => {
       counters.describe();
+      clock = setInterval(show, 1000);
       show();
     },
-    hide: () => {},
+    hide: () => clearInterval(clock),
   };
 }
 

@@ -1,7 +1,7 @@
 // The map: path, pose with the ellipse of its uncertainty, grid with scale; pan, pinch, follow, go, set the pose, clear.
 
 import { Canvas, niceStep } from "./canvas.js";
-import { el, fixed, write } from "./dom.js";
+import { DASH, duration, el, fixed, write } from "./dom.js";
 import { GoThere } from "./go_there.js";
 import { Path } from "./path.js";
 import { SetPose } from "./set_pose.js";
@@ -10,7 +10,6 @@ import { keep, kept, ofTab } from "./storage.js";
 const NEAREST = 2000; // Pixels for a metre.
 const FARTHEST = 0.5;
 const SURE = 2.448; // Standard deviations of a 95 % ellipse in two dimensions.
-const OLD_MS = 1000;
 const PATH = "path"; // Its key in the storage of the tab.
 
 export const map = { id: "map", title: "Map", create };
@@ -77,7 +76,7 @@ function create(app) {
     if (pose && view.follow) [view.x, view.y] = [pose.x, pose.y];
     follow.setAttribute("aria-pressed", view.follow);
     canvas.redraw();
-    write(where, pose ? describe(pose, live.age("pose")) : "No pose came yet.");
+    write(where, pose ? live.fresh("pose") ? describe(pose) : `The last pose is ${duration(live.age("pose"))} old. x ${DASH}, y ${DASH}, heading ${DASH}.` : "No pose came yet.");
   }
 
   function zoom(factor, [px, py] = [canvas.width / 2, canvas.height / 2]) {
@@ -203,8 +202,7 @@ function create(app) {
     context.stroke();
     context.font = "14px system-ui, sans-serif";
     context.fillText(text, 14, y - 9);
-    if (!pose) return;
-    if (live.age("pose") > OLD_MS) {
+    if (pose && !live.fresh("pose")) {
       context.fillStyle = canvas.color("warning");
       context.fillText("old", toX(pose.x) + 14, toY(pose.y) - 14);
     }
@@ -220,7 +218,7 @@ function create(app) {
     // One beyond the map would only tint all of it.
     if (minor * view.scale < Math.hypot(canvas.width, canvas.height) / 2) context.fill();
     context.stroke();
-    drawRobot(context, { x, y, theta }, canvas.color("text"));
+    drawRobot(context, { x, y, theta }, canvas.color(live.fresh("pose") ? "text" : "axis"));
   }
 
   function drawPlace(context, { x, y, driven }) {
@@ -259,11 +257,17 @@ function create(app) {
     context.restore();
   }
 
+  let clock = 0;
+  const show = () => {
+    clock = setInterval(changed, 1000);
+    changed();
+  };
   const hide = () => {
+    clearInterval(clock);
     pointers.clear();
     go.letGo("Another view was opened.");
   };
-  return { element, show: changed, hide };
+  return { element, show, hide };
 }
 
 function button(text, title, onclick) {
@@ -287,12 +291,11 @@ function ellipse(xx, xy, yy) {
   };
 }
 
-function describe({ x, y, theta, covariance }, age) {
+function describe({ x, y, theta, covariance }) {
   const degrees = (rad) => (rad * 180) / Math.PI;
   const around = degrees(Math.atan2(Math.sin(theta), Math.cos(theta)));
   const sure = (variance) => fixed(2 * Math.sqrt(Math.max(0, variance)), 2);
-  const old = age > OLD_MS ? ` The pose is ${fixed(age / 1000, 0)} s old.` : "";
   const off = 2 * degrees(Math.sqrt(Math.max(0, covariance[8])));
   const heading = off < 180 ? `${fixed(around, 0)}° ± ${fixed(off, 0)}°` : "unknown";
-  return `x ${fixed(x, 2)} ± ${sure(covariance[0])}, y ${fixed(y, 2)} ± ${sure(covariance[4])} m, heading ${heading}.${old}`;
+  return `x ${fixed(x, 2)} ± ${sure(covariance[0])}, y ${fixed(y, 2)} ± ${sure(covariance[4])} m, heading ${heading}.`;
 }

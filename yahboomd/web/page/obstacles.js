@@ -3,7 +3,6 @@
 import { duration } from "./dom.js";
 
 const KNOWN = ["driving", "standing", "stopping", "estopped", "fault", "waiting"];
-const DELAY_GOOD_MS = 2500; // A delay measured longer ago than this is ignored.
 
 /** Why not, or "". Reasons that a person can change come last. */
 export function obstacle(connection, live) {
@@ -18,13 +17,14 @@ export function obstacle(connection, live) {
   const daemon = live.newest("daemon");
   // The header has the daemon's own words.
   if (daemon && !daemon.alive) return "No yahboomd answers. The page waits for it.";
-  const status = live.sample("status");
-  if (status?.wheels === "unknown") return "The wheels may still turn: see above.";
-  if (status?.state === "estopped") return "Emergency stop: release it to drive.";
-  if (status?.state === "fault") return "Fault, see above: clear it to drive.";
-  if (status && !KNOWN.includes(status.state)) return "State unknown to this page: see above.";
+  const status = live.fresh("status")?.sample;
+  if (!status) return "The robot's state is not known now: see above.";
+  if (status.wheels === "unknown") return "The wheels may still turn: see above.";
+  if (status.state === "estopped") return "Release the stop to drive.";
+  if (status.state === "fault") return "Clear the fault to drive: see above.";
+  if (!KNOWN.includes(status.state)) return "State unknown to this page: see above.";
   if (hello.barred) return hello.barred;
-  if (status?.state === "waiting") return "The robot waits: see above.";
+  if (status.state === "waiting") return "The robot waits: see above.";
   const control = live.newest("control");
   return control?.mine || control?.page_driver === null ? "" : `${control?.name ?? "Another page"} has control of the robot.`;
 }
@@ -39,5 +39,5 @@ export function weakness(live) {
 
 /** The newest round-trip delay, in ms; 0 if none is known. */
 export function delayOf(live) {
-  return live.age("delay") < DELAY_GOOD_MS ? live.newest("delay").age_ms : 0;
+  return live.fresh("delay")?.age_ms ?? 0;
 }

@@ -4,13 +4,7 @@ import { awakeWords } from "./awake.js";
 import { el, write } from "./dom.js";
 import { padSide } from "./pad_side.js";
 
-const TLS = [
-  "This page came without TLS, and browsers give these only with it. On the robot's computer: ",
-  "sudo yahboomd web --make-certificate",
-  "; then ",
-  "sudo systemctl restart yahboomd-web",
-  "; then open the new link.",
-];
+const TLS = "This page came without TLS, and browsers give these only with it: the page on phones in yahboomd's manual tells how.";
 
 /** The button that opens the panel, and the panel, which covers the joystick: nobody drives by thumb behind it. */
 export function settings(gamepad, onOpen) {
@@ -26,7 +20,7 @@ export function settings(gamepad, onOpen) {
     full,
     fullText,
     el("dl", {}, el("dt", {}, "Screen"), screenText, el("dt", {}, "Gamepad"), padText),
-    el("p", { class: "note", hidden: isSecureContext }, ...TLS.map((text, index) => (index % 2 ? el("code", {}, text) : text))),
+    el("p", { class: "note", hidden: isSecureContext }, TLS),
   );
   const opener = el("button", { type: "button", class: "gear", "aria-label": "Settings", title: "Settings", "aria-expanded": "false", onclick: toggle }, "\u2699\ufe0e");
 

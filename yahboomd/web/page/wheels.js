@@ -1,7 +1,7 @@
 // The wheels: commanded and measured speed of each over the last ten seconds.
 
 import { Canvas, niceStep } from "./canvas.js";
-import { el, fixed, write } from "./dom.js";
+import { DASH, el, fixed, write } from "./dom.js";
 
 const WINDOW_NS = 10e9;
 const KEPT = 600; // More than ten seconds of samples at 50 Hz.
@@ -38,8 +38,11 @@ function create({ live }) {
       rows = newest.names.map((name, index) => row(name, index));
       list.replaceChildren(...rows.map(({ element: figure }) => figure));
     }
+    const isNow = Boolean(live.fresh("wheels"));
+    list.classList.toggle("old", !isNow);
     rows.forEach(({ text, canvas }, index) => {
-      write(text, `measured ${fixed(newest.speed_m_s[index], 2)}, commanded ${fixed(newest.command_m_s[index], 2)} m/s`);
+      const [measured, commanded] = [newest.speed_m_s, newest.command_m_s].map((speeds) => (isNow ? fixed(speeds[index], 2) : DASH));
+      write(text, `measured ${measured}, commanded ${commanded} m/s`);
       canvas.redraw();
     });
   }
@@ -95,5 +98,13 @@ function create({ live }) {
     }
   }
 
-  return { element, show, hide: () => {} };
+  let clock = 0;
+  return {
+    element,
+    show: () => {
+      clock = setInterval(show, 1000);
+      show();
+    },
+    hide: () => clearInterval(clock),
+  };
 }
