@@ -1,7 +1,7 @@
 """Pictures of the page in Chromium, with a simulated robot: docs/images, or every view and state.
 
 make pictures                               docs/images/page.png, page_desktop.png, page_tools.png
-make pictures ARGS='build/pictures'         every view and state, in four sizes, light and dark
+make pictures ARGS='build/pictures'         every view and state, in five sizes, light and dark
 make pictures ARGS='build/pictures --text 200 --width 360 --only drives --only view-map'
 """
 
@@ -24,8 +24,9 @@ from real_robot import Process
 from ustreamer_camera import UStreamer
 
 IMAGES = Path(__file__).resolve().parents[1] / "docs/images"
-PHONE, ON_ITS_SIDE, TABLET, DESKTOP = (360, 740), (844, 390), (768, 1024), (1920, 1080)
-SIZES = (PHONE, ON_ITS_SIDE, TABLET, DESKTOP)
+PHONE, ON_ITS_SIDE, TABLET = (360, 740), (844, 390), (768, 1024)
+LAPTOP, DESKTOP = (1366, 768), (1920, 1080)
+SIZES = (PHONE, ON_ITS_SIDE, TABLET, LAPTOP, DESKTOP)
 CURVE = "board.battery_curve=[[6.0, 0.0], [8.0, 1.0]]"
 BATTERY = ("board.battery_low_v=6.8", "board.battery_stop_v=6.2", "board.battery_period_s=1")
 GAP, GREY = 16, "#80868c"
@@ -171,12 +172,10 @@ def stop_unanswered(robots: Robots) -> State:
     robots.plain.recover()
 
 
-def no_board(robots: Robots, *, whole: bool = False) -> State:
+def no_board(robots: Robots) -> State:
     with robots.phone() as page:
         robots.plain.robot.do("unplug 600")
         page.says("#state", "waiting")
-        if whole:
-            page.click("#more")
         yield page, nothing
         robots.plain.robot.do("replug")
         page.says("#state", "standing")
@@ -401,7 +400,7 @@ def camera_drives(robots: Robots) -> State:
         page.lift()
 
 
-VIEWS = ("map", "wheels", "health", "calibrate", "record", "boxes", "phones")
+VIEWS = ("map", "wheels", "health", "calibrate", "record", "boxes", "phones", "menu")
 STATES: dict[str, Callable[[Robots], State]] = {
     "ready": lambda robots: views(robots, "drive"),
     **{f"view-{view}": lambda robots, view=view: views(robots, view) for view in VIEWS},
@@ -411,7 +410,6 @@ STATES: dict[str, Callable[[Robots], State]] = {
     "stopped-map": lambda robots: stopped(robots, "map"),
     "stop-unanswered": stop_unanswered,
     "no-board": no_board,
-    "no-board-whole": lambda robots: no_board(robots, whole=True),
     "fault": fault,
     "lost-server": lost_server,
     "no-daemon": no_daemon,
@@ -447,7 +445,7 @@ def take_all(
         try:
             with contextmanager(STATES[name])(robots) as (page, again):
                 for size in [each for each in SIZES if not widths or each[0] in widths]:
-                    page.resize(*size, phone=size != DESKTOP)
+                    page.resize(*size, phone=size not in {LAPTOP, DESKTOP})
                     enlarge(page, percent)
                     again()
                     for scheme in ("light", "dark"):
@@ -467,7 +465,7 @@ def take(
 ) -> Image.Image:
     """One state, as a picture of that size."""
     with contextmanager(STATES[name])(robots) as (page, again):
-        page.resize(*size, phone=size != DESKTOP)
+        page.resize(*size, phone=size not in {LAPTOP, DESKTOP})
         page.prefer(scheme)
         again()
         time.sleep(SETTLE_S)

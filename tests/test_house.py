@@ -40,7 +40,7 @@ MOST_CODE = {
     "ros2": 1233,
     "simulation": 3152,
     "tools": 11633,
-    "web": 3333,
+    "web": 3337,
 }
 """The lines of code of each door. They only shrink: a commit that raises one gives the reason, and
 takes as much away soon."""

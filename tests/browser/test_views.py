@@ -14,7 +14,7 @@ from real_robot import Process, free_endpoint, wait_for
 pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser")]
 
 VIEWS = ("drive", "map", "wheels", "health", "calibrate", "record", "boxes", "phones")
-PHONE, DESKTOP = (360, 740), (1920, 1080)
+PHONE, LAPTOP, DESKTOP = (360, 740), (1366, 768), (1920, 1080)
 ON_ITS_SIDE, SMALL_ON_ITS_SIDE = (844, 390), (740, 360)
 WITH_PAD = ("map", "wheels", "health")
 """The views that stand beside the joystick on a phone on its side."""
@@ -122,8 +122,9 @@ def test_on_its_side_the_pad_is_whole_and_still_and_the_stop_is_pressed_in_every
     page.resize(*size, phone=True)
     enlarge(page, percent)
     page.until("document.querySelector('.pad').clientWidth > 199")
-    stop, pad = box(page, "#estop"), None
+    pad = None
     for engaged in (False, True):
+        stop = box(page, "#estop")
         for view in VIEWS[1:]:
             show(page, view)
             page.until(f"document.querySelector('#{view}')?.hidden === false")
@@ -149,22 +150,59 @@ def test_on_its_side_the_pad_is_whole_and_still_and_the_stop_is_pressed_in_every
             assert "`" not in page.text("#why")
 
 
-@pytest.mark.nightly
-@pytest.mark.parametrize("size", [PHONE, SMALL_ON_ITS_SIDE])
-def test_the_chosen_view_is_in_the_row_of_views_after_the_text_was_enlarged(
-    bench: PageBench, page: Page, size: tuple[int, int]
+SIZES = (PHONE, ON_ITS_SIDE, (768, 1024), LAPTOP, DESKTOP)
+OUTSIDE = """['#estop', '#release'].filter((each) => {
+    const { left, top, right, bottom } = document.querySelector(each).getBoundingClientRect();
+    const isWhole = left >= 0 && top >= 0 && right <= innerWidth && bottom <= innerHeight;
+    return !isWhole || right - left < 44 || bottom - top < 40;
+})"""
+SIDEWAYS = """[...document.querySelectorAll('html, header, nav, nav a, main, main > section')]
+    .filter((each) => each.checkVisibility() && each.scrollWidth > each.clientWidth + 1)
+    .map((each) => `${each.tagName} ${each.id || each.innerText}`)"""
+
+
+@pytest.mark.parametrize(
+    ("size", "percent"),
+    [
+        pytest.param(
+            size,
+            percent,
+            id=f"{size[0]}-{percent}",
+            marks=() if (size, percent) in {(PHONE, 100), (LAPTOP, 200)} else pytest.mark.nightly,
+        )
+        for size in SIZES
+        for percent in (100, 200)
+    ],
+)
+def test_stop_and_release_stay_in_the_window_and_no_view_scrolls_sideways(
+    bench: PageBench, page: Page, size: tuple[int, int], percent: int
+) -> None:
+    page.resize(*size, phone=size not in {LAPTOP, DESKTOP})
+    enlarge(page, percent)
+    page.click("#estop")
+    page.until(RELEASABLE)
+    for view in VIEWS:
+        page.evaluate(f"location.hash = '#{view}'")
+        page.until(f"document.querySelector('#{view}')?.hidden === false")
+        assert page.evaluate(OUTSIDE) == [], view
+        assert page.evaluate(SIDEWAYS) == [], view
+
+
+@pytest.mark.parametrize("size", [PHONE, (768, 1024)])
+def test_five_links_stand_at_the_bottom_and_more_has_the_rest(
+    page: Page, size: tuple[int, int]
 ) -> None:
     page.resize(*size, phone=True)
-    for view in (VIEWS[-1], VIEWS[1]):
-        enlarge(page, 100)
-        show(page, view)
-        page.until(f"document.querySelector('#{view}')?.hidden === false")
-        enlarge(page, 200)
-        page.until(
-            "(() => { const row = document.getElementById('views').getBoundingClientRect();"
-            " const tab = document.querySelector('#views [aria-current]').getBoundingClientRect();"
-            " return tab.left >= row.left - 1 && tab.right <= row.right + 1; })()"
-        )
+    words = """[...document.querySelectorAll('%s')].filter((each) => each.checkVisibility())
+        .map((each) => each.innerText)"""
+    assert page.evaluate(words % "nav a") == ["Drive", "Map", "Wheels", "Health", "More"]
+    show(page, "menu")
+    rest = ["Calibrate", "Record", "Black boxes", "Phones"]
+    assert page.evaluate(words % ".menu a") == rest
+    page.click(".menu a")
+    page.says("#calibrate", "calibration")
+    both = "[...document.querySelectorAll('nav [aria-current]')].map((e) => e.dataset.view)"
+    assert page.evaluate(both) == ["calibrate", "menu"]
 
 
 @pytest.mark.nightly
@@ -270,34 +308,25 @@ def test_map_and_joystick_are_used_together_on_a_wide_screen(
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("size", [PHONE, ON_ITS_SIDE])
-def test_a_long_reason_is_read_whole_by_a_button_and_nothing_moves_for_it(
+def test_a_long_reason_moves_nothing_and_a_touch_of_it_opens_all_of_it(
     bench: PageBench, page: Page, size: tuple[int, int]
 ) -> None:
     page.resize(*size, phone=True)
     page.until("document.querySelector('.pad').clientWidth > 199")
-    pad, stop, state = (box(page, each) for each in (".pad", "#estop", "#state"))
-    assert not page.evaluate("document.querySelector('#more').checkVisibility()")
+    pad, stop = box(page, ".pad"), box(page, "#estop")
     try:
         bench.press(page)
         bench.robot.do("unplug 600")
         page.says("#state", "may turn")
         page.lift()
-        page.until("document.querySelector('#more').checkVisibility()")
         assert cut(page, "#why")
-        page.tap("#more")
-        page.until("document.querySelector('#more').ariaExpanded === 'true'")
-        assert not cut(page, "#why")
-        assert covered(page, "#why") == covered(page, "#estop") == []
         assert box(page, ".pad") == pytest.approx(pad, abs=1.0)
         assert box(page, "#estop") == pytest.approx(stop, abs=1.0)
-        assert box(page, "#state")[1] == pytest.approx(state[1], abs=1.0)
-        # A touch of anything else closes it.
-        page.tap("#driver")
-        page.until("document.querySelector('#more').ariaExpanded === 'false'")
+        page.tap("#why")
+        page.says("#health", "there is no such port")
     finally:
         bench.robot.do("replug")
     page.says("#state", "standing")
-    page.until("!document.querySelector('#more').checkVisibility()")
 
 
 @pytest.mark.nightly

@@ -240,18 +240,15 @@ def _read(args: argparse.Namespace) -> ReadApart | tuple[str, str]:
     return ReadApart(options, source, loaded.config.web.camera, loaded.path)
 
 
-def state_folder(
-    environ: Mapping[str, str], user_id: int, service: Path = Path("/var/lib/yahboomd-web")
-) -> Path:
-    """The folder for links, sessions and a certificate.
+def state_folder(environ: Mapping[str, str], user_id: int) -> Path:
+    """The folder for links, sessions and a certificate; root's is the service's, if there is one.
 
     Args:
         environ: For ``STATE_DIRECTORY`` (the service manager's), ``XDG_STATE_HOME`` and ``HOME``.
-        service: The folder of the page's service: root's too, if the service has run.
     """
     if given := environ.get("STATE_DIRECTORY", "").split(":")[0]:
         return Path(given)
-    if user_id == 0 and service.is_dir():
+    if user_id == 0 and (service := Path("/var/lib/yahboomd-web")).is_dir():
         return service
     if state := environ.get("XDG_STATE_HOME"):
         return Path(state) / "yahboomd"

@@ -129,10 +129,15 @@ def test_a_certificate_is_made_by_one_command_and_used_from_then_on(
     assert "https://192.0.2.5:8480/#" in capsys.readouterr().out
 
 
-def test_tokens_are_kept_where_the_state_of_this_user_belongs(tmp_path: Path) -> None:
+def test_tokens_are_kept_where_the_state_of_this_user_belongs(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     assert state_folder({"STATE_DIRECTORY": "/var/lib/a:/b"}, 0) == Path("/var/lib/a")
-    assert state_folder({"HOME": "/root"}, 0, tmp_path) == tmp_path, "where the service looks"
-    none = tmp_path / "none"
-    assert state_folder({"HOME": "/root"}, 0, none) == Path("/root/.local/state/yahboomd")
+    for has_service, folder in (
+        (True, "/var/lib/yahboomd-web"),
+        (False, "/root/.local/state/yahboomd"),
+    ):
+        monkeypatch.setattr(Path, "is_dir", lambda _path, is_dir=has_service: is_dir)
+        assert state_folder({"HOME": "/root"}, 0) == Path(folder)
     assert state_folder({"XDG_STATE_HOME": "/s"}, 1000) == Path("/s/yahboomd")
     assert state_folder({"HOME": "/h"}, 1000) == Path("/h/.local/state/yahboomd")

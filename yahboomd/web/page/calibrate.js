@@ -19,6 +19,8 @@ export function create(app) {
   // The deadman of the joystick, with holds in place of velocities.
   const deadman = new Deadman(
     { drive: ({ held }) => (held ? connection.hold(asked) : connection.letGo()) },
+    live,
+    "hold",
     () => obstacle(connection, live),
     (why) => {
       hold.drop();
@@ -136,13 +138,6 @@ export function create(app) {
     if (now.page !== null) write(why, "");
     show();
   });
-  live.on("refused", (message) => {
-    if (message.what !== "hold") return;
-    if (message.why === "late") live.emit("delay", { age_ms: message.age_ms });
-    if (deadman.held) deadman.letGo(message.text);
-  });
-  live.on("control", ({ mine: isMine, name }) => isMine || deadman.letGo(`${name || "Another page"} took control.`));
-  live.on("link", ({ open }) => open || deadman.letGo("The connection to the robot was lost."));
   for (const type of ["hello", "control", "daemon", "status", "link"]) live.on(type, show);
 
   const watcher = el("p", { class: "card" }, "This phone may watch. A phone that may drive can calibrate.");

@@ -19,10 +19,12 @@ export class Deadman {
 
   /**
    * @param connection Carries the velocities.
+   * @param live Tells of refusals, of another page's control, and of a lost connection.
+   * @param what The kind of command that a refusal names.
    * @param obstacle Returns why this page may not drive now, in words; "" if it may.
    * @param onEnd Called with the reason when the robot stops being driven; "" when the person let go.
    */
-  constructor(connection, obstacle, onEnd) {
+  constructor(connection, live, what, obstacle, onEnd) {
     this.connection = connection;
     this.obstacle = obstacle;
     this.onLetGo = (why) => {
@@ -31,6 +33,14 @@ export class Deadman {
       onEnd(why);
       this.#wasBarred = why !== "" && why === this.obstacle();
     };
+    live.on("refused", (message) => {
+      if (message.what !== what) return;
+      if (message.why === "late") live.emit("delay", { age_ms: message.age_ms });
+      // The page's own words have the figure.
+      this.letGo((message.why === "late" && this.obstacle()) || message.text);
+    });
+    live.on("control", ({ mine, name }) => mine || this.letGo(`${name || "Another page"} took control.`));
+    live.on("link", ({ open }) => open || this.letGo("The connection to the robot was lost."));
     const lose = (why) => () => this.letGo(why);
     document.addEventListener("visibilitychange", () => document.hidden && this.letGo("The page was hidden."));
     document.addEventListener("freeze", lose("The page was hidden."));

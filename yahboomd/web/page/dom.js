@@ -26,6 +26,9 @@ export function fixed(value, decimals) {
   return Number(text) === 0 ? (0).toFixed(decimals) : text.replace("-", "\u2212");
 }
 
+/** A screen with room for the drive view beside another, as in style.css. */
+export const WIDE = matchMedia("(min-width: 56em) and (min-height: 31em)");
+
 /** In place of a figure that is not known now. */
 export const DASH = "\u2013";
 

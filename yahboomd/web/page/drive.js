@@ -45,7 +45,7 @@ function create(app) {
     if (gamepad.held) gamepad.check();
     return joystick.hasMoved ? "The page moved under your thumb." : obstacle(connection, live);
   };
-  const deadman = new Deadman(connection, barred, (why) => {
+  const deadman = new Deadman(connection, live, "drive", barred, (why) => {
     joystick.drop();
     keyboard.drop();
     gamepad.drop();
@@ -160,15 +160,6 @@ function create(app) {
     return driver && driver !== own ? `${driver} has priority and drives the robot.` : "";
   }
 
-  live.on("refused", (message) => {
-    if (message.what !== "drive") return;
-    if (message.why === "late") live.emit("delay", { age_ms: message.age_ms });
-    // The page's own words have the figure.
-    if (deadman.held) deadman.letGo((message.why === "late" && obstacle(connection, live)) || message.text);
-    else show();
-  });
-  live.on("control", ({ mine: isMine, name }) => isMine || deadman.letGo(`${name || "Another page"} took control.`));
-  live.on("link", ({ open }) => open || deadman.letGo("The connection to the robot was lost."));
   for (const type of ["hello", "control", "daemon", "status", "link", "delay"]) live.on(type, show);
   function showSpeed() {
     const sample = live.fresh("twist")?.sample;

@@ -87,6 +87,7 @@ export class Estop {
   }
 
   async #release() {
+    if (performance.now() - this.#pressedAt < 1000) return; // It came up under the finger that stops.
     if (!this.#isMine) return this.connection.control(true);
     this.releaseButton.disabled = true;
     const answer = await this.connection.request("release");

@@ -26,6 +26,8 @@ export class GoThere {
     // The deadman of the joystick, with a held place instead of velocities.
     this.deadman = new Deadman(
       { drive: (wanted) => (wanted.held ? connection.go(this.#wanted()) : connection.drive(wanted)) },
+      live,
+      "go",
       () => (this.place ? this.#barred() : "Touch a place of the map first."),
       (why) => this.#ended(why),
     );
@@ -42,13 +44,6 @@ export class GoThere {
       this.#show();
       onChange();
     });
-    live.on("refused", (message) => {
-      if (message.what !== "go") return;
-      if (message.why === "late") live.emit("delay", { age_ms: message.age_ms });
-      if (this.deadman.held) this.letGo(message.text);
-    });
-    live.on("control", ({ mine, name }) => mine || this.letGo(`${name || "Another page"} took control.`));
-    live.on("link", ({ open }) => open || this.letGo("The connection to the robot was lost."));
     for (const type of ["hello", "control", "daemon", "status", "link", "delay"]) live.on(type, () => this.#show());
   }
 

@@ -19,7 +19,6 @@ const SHORT = {
 const at = (id) => document.getElementById(id);
 
 export function watchHeader(connection, live) {
-  const fit = whole(at("why"), at("more"));
   const show = () => {
     const hello = live.newest("hello");
     if (hello) {
@@ -35,7 +34,6 @@ export function watchHeader(connection, live) {
     write(at("battery"), text);
     at("battery").classList.toggle("low", isLow);
     write(at("delay"), live.fresh("status") ? `${Math.round(delayOf(live)) || DASH} ms` : "");
-    fit();
   };
   for (const type of ["link", "problem", "hello", "control", "daemon", "status", "battery", "delay"]) live.on(type, show);
   setInterval(show, 1000);
@@ -92,24 +90,4 @@ function who(live) {
   const { driver, state } = live.sample("status");
   if (!driver || driver === live.newest("hello")?.source) return `${page} ${state === "driving" ? "drives" : "has control"}.`;
   return driver === MOVES ? `${page} has control; a move drives.` : `${driver} drives.`;
-}
-
-/** A reason that is longer than its lines is read whole by a button; nothing moves for it. Returns what looks whether it fits. */
-function whole(why, more) {
-  const header = why.parentElement;
-  const fit = () => {
-    if (header.classList.contains("whole")) return;
-    more.hidden = why.scrollHeight <= why.clientHeight + 1 && why.scrollWidth <= why.clientWidth + 1;
-  };
-  const show = (isWhole) => {
-    header.classList.toggle("whole", isWhole);
-    more.setAttribute("aria-expanded", isWhole);
-    write(more, isWhole ? "Less" : "More");
-    fit();
-  };
-  more.addEventListener("click", () => show(!header.classList.contains("whole")));
-  document.addEventListener("pointerdown", ({ target }) => target !== more && !why.contains(target) && show(false), { capture: true });
-  addEventListener("hashchange", () => show(false));
-  addEventListener("resize", fit);
-  return fit;
 }

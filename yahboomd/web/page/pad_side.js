@@ -1,10 +1,9 @@
 // Under which thumb the joystick is; on a phone on its side the emergency stop is under the other.
 
-import { el, write } from "./dom.js";
+import { el, WIDE, write } from "./dom.js";
 import { keep, kept } from "./storage.js";
 
 const KEY = "pad side";
-const WIDE = matchMedia("(min-width: 1000px) and (min-height: 501px)"); // As in style.css: there it is left unless chosen.
 
 /** The button that exchanges the two. */
 export function padSide() {

@@ -109,7 +109,7 @@ export function create({ live, connection }) {
     );
   }
 
-  const element = el("section", { class: "phones" }, el("div", { class: "card" }, el("h2", {}, "Phones"), form, words, note), list, refused);
+  const element = el("section", { class: "phones" }, el("div", { class: "card" }, el("h2", {}, "Phones"), form, words, note, refused), list);
   live.on("control", () => element.hidden || read());
   let clock = 0;
   return {

@@ -96,8 +96,7 @@ export function create({ live, connection }) {
   const element = el(
     "section",
     { class: "record" },
-    el("div", { class: "card" }, el("h2", {}, "Record"), el("p", { class: "note" }, "What the robot does and is commanded, as files for Foxglove, Lichtblick and ROS 2. A recording ends by itself a minute after the last page to drive was closed."), toggle, words),
-    room,
+    el("div", { class: "card" }, el("h2", {}, "Record"), el("p", { class: "note" }, "What the robot does and is commanded, as files for Foxglove, Lichtblick and ROS 2. A recording ends by itself a minute after the last page to drive was closed."), toggle, words, room),
     list,
   );
   live.on("recording", (message) => {
