@@ -11,6 +11,7 @@ import msgspec
 from board_bench import BoardPort
 from event_check import assert_registered
 
+from yahboomd.blackbox.kept_pose import PoseFile
 from yahboomd.blackbox.recorded_odometer import odometer
 from yahboomd.blackbox.recorder import Recorder
 from yahboomd.blackbox.ring import Ring
@@ -87,6 +88,8 @@ class RobotBench:
         simulation: The robot.
         file: The configuration.
         ring: Records a black box.
+        poses: Keeps the pose for the next bench.
+        robot: That of an earlier bench.
     """
 
     def __init__(
@@ -96,11 +99,13 @@ class RobotBench:
         simulation: SimulationOptions | None = None,
         file: Path | None = None,
         ring: Ring | None = None,
+        poses: PoseFile | None = None,
+        robot: SimulatedRobot | None = None,
     ) -> None:
         latch = f"estop.latch_file={folder / 'estop'}"
         self.config: Config = read(file, environ={}, overrides=[latch, *overrides]).config
         self.clock = LoopClock()
-        self.robot = SimulatedRobot(simulation or SimulationOptions())
+        self.robot = robot or SimulatedRobot(simulation or SimulationOptions())
         self.port: BoardPort | None = None
         self.heard = Heard()
         self.recorder = ring and Recorder(ring, self.clock.now_ns, self.clock.wall_ns)
@@ -114,7 +119,7 @@ class RobotBench:
             arbiter=self.arbiter,
             latch=self.latch,
             outputs=self.heard,
-            odometer=odometer(assembly.odometer_settings(self.config), self.recorder),
+            odometer=odometer(assembly.odometer_settings(self.config), self.recorder, poses),
             guard=self.guard,
         )
         self.operator = Operator(

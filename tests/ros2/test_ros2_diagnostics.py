@@ -72,9 +72,15 @@ def test_wheels_that_may_turn_unseen_are_an_error(diagnostics: Diagnostics) -> N
     assert ("wheels", "unknown") in base.values
 
 
+def test_a_broken_pose_is_a_warning_until_it_is_set(diagnostics: Diagnostics) -> None:
+    broken = changed(command={"pose_broken": "The pose broke."})
+    pose = named(diagnostics.of(broken))["pose"]
+    assert (pose.level, pose.message) == (WARN, "The pose broke.")
+
+
 def test_all_is_well_with_a_robot_that_stands(diagnostics: Diagnostics) -> None:
     entries = diagnostics.of(FULL)
-    assert levels(entries) == (OK, OK, OK, OK)
+    assert levels(entries) == (OK,) * 5
     board = named(entries)["board"]
     assert board.message == "Connected: dialect streamed, firmware 1.7.3."
     assert {("volts", "7.4"), ("wheel diameter [mm]", "67"), ("frames", "100")} <= set(board.values)

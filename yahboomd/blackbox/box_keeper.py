@@ -22,6 +22,7 @@ from msgspec import structs
 from yahboomd import __version__
 from yahboomd.blackbox.box_file import Header, ImuSettings, Saved
 from yahboomd.blackbox.box_writer import BoxOutcome, BoxWriter
+from yahboomd.blackbox.kept_pose import PoseFile
 from yahboomd.blackbox.recorded_odometer import odometer
 from yahboomd.blackbox.recorder import Recorder
 from yahboomd.blackbox.records import Ended
@@ -84,6 +85,8 @@ class BoxKeeper:
         self._recorders = recorders or Recorders()
         self._header = header(config, clock)
         self._file: RingFile | None = None
+        self._poses: PoseFile | None = None
+        self._resume = config.odometry.on_restart == "continue"
         self.recorder: Recorder | None = None
         self._reasons: list[str] = []
         self._saving: tuple[str, ...] = ()
@@ -114,6 +117,7 @@ class BoxKeeper:
             return
         try:
             self._file = self._made(folder)
+            self._poses = PoseFile(folder, self._header, resume=self._resume)
         except OSError as error:
             log.warning(
                 "No black box is kept: %s cannot be used for it (%s). The robot drives as ever.",
@@ -123,6 +127,7 @@ class BoxKeeper:
             return
         recorder = Recorder(self._file.ring, clock.now_ns, clock.wall_ns)
         self._recorders.guard(NAME, recorder)
+        self._recorders.guard(NAME, self._poses)
         self.recorder = recorder
         self._writer.find_rings(self._recorders.guarded(NAME, self._looked))
 
@@ -144,7 +149,7 @@ class BoxKeeper:
         return self.recorder or NO_TAP
 
     def odometer(self, settings: OdometerSettings) -> Odometer:
-        return odometer(settings, self.recorder)
+        return odometer(settings, self.recorder, self._poses)
 
     def status_values(self) -> dict[str, Any]:
         writer, file = self._writer, self._file
@@ -289,6 +294,8 @@ class BoxKeeper:
             error: The fault that ends the daemon; None for a normal end.
         """
         self._alarm.close()
+        if self._poses is not None:
+            self._poses.close()
         file, recorder = self._file, self.recorder
         if file is None or recorder is None:
             return

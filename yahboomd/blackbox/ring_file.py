@@ -79,7 +79,7 @@ def sweep_folders(own: Path, user_id: int, wall_ns: int) -> None:
             old = wall_ns - status.st_mtime_ns > _OLD_NS
             if folder == own or status.st_uid != user_id or not S_ISDIR(status.st_mode) or not old:
                 continue
-            for path in rings(folder):
+            for path in folder.iterdir():
                 if wall_ns - path.stat().st_mtime_ns > _OLD_NS and not is_live(path):
                     os.unlink(path)
             os.rmdir(folder)

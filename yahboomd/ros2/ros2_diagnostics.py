@@ -55,8 +55,11 @@ class Diagnostics:
             "since_s": round(max(0, sample.stamp_ns - sample.since_ns) / 1e9, 1),
         }
         level = ERROR if sample.wheels == "unknown" else _LEVELS[sample.state]
+        broken = str(sample.command.get("pose_broken", ""))
+        pose = WARN if broken else OK, broken or "The pose is continuous."
         return [
             self._entry("base", level, sample.why, base),
+            self._entry("pose", *pose, {}),
             self._entry("board", *self._board(sample), {**sample.board, **sample.link}),
             self._entry("commands", *commands, facts),
             self._entry("bus", *self._bus(sample), sample.bus),

@@ -52,6 +52,11 @@ class Odometry(Section):
         description="The source of the heading. fused: wheels and gyro, if the board has one; "
         "check imu.axes first.",
     )
+    on_restart: Literal["continue", "origin"] = Field(
+        default="continue",
+        description="The pose after a restart of yahboomd alone. continue: its last one, if the "
+        "board went on counting; origin: zero.",
+    )
     travel_noise_m: float = Field(
         default=0.0032,
         gt=0.0,

@@ -316,7 +316,8 @@ class Controller:
         elif self._wheels.noisy:
             self.counters["noisy_doubts"] += 1
         else:
-            self._report(fault)
+            self.counters[fault.kind] += 1
+            self.event(fault.event())
 
     def _doubtful(self, fault: Fault, now_ns: int) -> Hold | None:
         """The hold for a possible fault of the line; ``None`` if the wheel is to blame."""
@@ -335,10 +336,6 @@ class Controller:
         self._wheels.rearm()
         until_ns = now_ns + nanoseconds(DOUBTFUL_S)
         return Hold(kind=LINE_NOISY, message=words, since_ns=now_ns, until_ns=until_ns)
-
-    def _report(self, fault: Fault) -> None:
-        self.counters[fault.kind] += 1
-        self.event(fault.event())
 
     def _report_cut(self, fault: Fault) -> None:
         self.counters[fault.kind] += 1
@@ -537,10 +534,11 @@ class Controller:
 
     # Status.
 
-    def status_values(self) -> dict[str, int | float]:
+    def status_values(self) -> dict[str, int | float | str]:
         return {
             **self.counters,
             **self._odometer.counters,
+            "pose_broken": self._odometer.broken,
             "gyro_bias_rad_s": round(self._odometer.gyro_bias_rad_s, 6),
             "board_tick_ns": self._odometer.tick_period_ns or 0,
             **self._latch.status_values(),

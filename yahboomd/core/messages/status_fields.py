@@ -273,6 +273,9 @@ FIELDS: tuple[StatusField, ...] = (
         "what the gyro shows at rest, as learned; 0 without one",
         unit="rad/s",
     ),
+    _fact(
+        "command", "text", "pose_broken", "why the pose is off, until it is set; empty: it is not"
+    ),
     _fact("command", "text", "last_refusal", "why the latest refused command was; empty: none was"),
     _fact(
         *("command", "gauge", "clock_offset_s", "how far the clock of each source is ahead"),

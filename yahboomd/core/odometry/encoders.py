@@ -66,8 +66,9 @@ Outcome: TypeAlias = Literal[
     "rebased",  # the counters jumped for no known reason: nothing is counted
 ]
 
-Notice: TypeAlias = Literal["none", "silence", "away", "reset"]
-"""What came between two readings: nothing, no line, no port, or a reset that the board reported."""
+Notice: TypeAlias = Literal["none", "silence", "restart", "away", "reset"]
+"""What came between two readings: nothing, no line, no daemon, no port, or a reset that the board
+reported."""
 
 
 class Verdict(msgspec.Struct, frozen=True, kw_only=True):
@@ -302,17 +303,20 @@ class Encoders:
     def _expected(
         self, travel: tuple[int, ...], from_zero: tuple[int, ...], elapsed_ns: float
     ) -> bool:
-        """Whether wheels that kept their speed explain the counters, and a reset does not."""
-        beyond = False
+        """Whether wheels that kept their speed, or stopped, explain the counters, not a reset."""
+        kept, beyond = True, False
+        # A daemon that ends stops the wheels; its guard does so if it is killed.
+        stopped = self.notice == "restart"
         for delta, now, went, per_m in zip(
             travel, from_zero, self._went, self._ticks_per_m, strict=True
         ):
             expected = went * elapsed_ns
-            if abs(delta - expected) > EXPECTED_M * per_m + EXPECTED_SHARE * abs(expected):
-                return False
             rolled = EXPECTED_M * per_m + abs(went) * ROLLED_S * 1e9
+            near = EXPECTED_M * per_m + EXPECTED_SHARE * abs(expected)
+            kept = kept and abs(delta - expected) <= near
+            stopped = stopped and abs(delta) <= rolled
             beyond = beyond or (went != 0.0 and abs(now) > rolled)
-        return beyond
+        return beyond and (kept or stopped)
 
     def _settle(
         self,
@@ -332,12 +336,12 @@ class Encoders:
         near_zero = self.least_ns(from_zero) <= elapsed_ns
         # These counts share their one tick of grace with the next step.
         room_ns = elapsed_ns - max(self._ns_per_tick)
-        if self.notice in {"silence", "away"}:
+        if self.notice in {"silence", "restart", "away"}:
             if not sure:
                 return held
             far = max(map(abs, from_zero)) >= UNMISTAKABLE_TICKS
             # The port stayed, and wheels that stood lose no travel by a reset.
-            rested = self.notice == "silence" and not any(self._went)
+            rested = self.notice != "away" and not any(self._went)
             untouched = not any(travel) and (far or rested)
             # Beyond half the range the counters may have wrapped more than once.
             fits = self.least_ns(travel) <= room_ns < HALF * min(self._ns_per_tick)

@@ -11,10 +11,12 @@ clock is still a new reading, with a new stamp.
 from __future__ import annotations
 
 import math
+from collections import Counter
 
 import msgspec
 
 from yahboomd.core.model import (
+    Counts,
     EncoderReading,
     Event,
     ImuEstimate,
@@ -93,6 +95,10 @@ class Odometer:
         gyro_scale: Standard deviation of the gyro's scale, as a share; None leaves it to the
             sensor.
 
+    Attributes:
+        broken: Why the pose may be beside the truth since travel was lost, until it is set; else
+            empty.
+
     Raises:
         ConfigError: The motors do not fit the geometry.
     """
@@ -100,7 +106,7 @@ class Odometer:
     __slots__ = (
         "_speed_max_m_s _motors _encoders _integrator _velocity _covariance _fused _steering "
         "_clock _renewal _radians _stamp_ns _heard_ns _asked _armed _unmoved _doubt _speeds "
-        "_window _news estimate counters _heading"
+        "_window _news estimate counters _heading _resumed broken"
     ).split()
 
     def __init__(
@@ -133,28 +139,10 @@ class Odometer:
         self._speeds: tuple[float, ...] = (0.0,) * len(motors)
         self._window: Window | None = None  # of an estimate that was not made yet
         self._news = False
+        self._resumed = False
+        self.broken = ""
         self.estimate: OdometryEstimate | None = None
-        self.counters: dict[str, int] = dict.fromkeys(
-            (
-                "odometry_readings",
-                "odometry_estimates",
-                "odometry_repeated",
-                "odometry_held",
-                "odometry_rejected",
-                "odometry_resets",
-                "odometry_gaps",
-                "odometry_rebased",
-                "odometry_taken_back",
-                "odometry_unsure",
-                "gyro_silent",
-                "gyro_saturated",
-                "gyro_implausible",
-                "gyro_unchecked",
-                "wheels_slipped",
-                "board_clock_changes",
-            ),
-            0,
-        )
+        self.counters: Counter[str] = Counter()
         self._heading = Heading(
             kinematics.turn_slip,
             self.counters,
@@ -207,6 +195,20 @@ class Odometer:
         """Note a request to stream: lines after it do not prove that the board ran on."""
         self._armed += 1
 
+    def resume(self, last: OdometryEstimate, ticks: Counts) -> None:
+        """Continue from the last estimate of an earlier daemon, in the same boot.
+
+        Args:
+            ticks: The board's counters at that estimate; the first readings show whether it went
+                on counting.
+        """
+        self._resumed = True
+        self._stamp_ns = self._heard_ns = last.stamp_ns
+        self._speeds = last.motor_speed_m_s
+        self._clock = PolledClock(last.stamp_ns)
+        self._encoders.accept(self._encoders.judge(ticks, 0, 0.0))
+        self.set_pose(last.pose, last.pose_covariance)
+
     def set_pose(self, pose: Pose2d, covariance: Matrix3 | None = None) -> None:
         """Set the pose of the base. The totals continue.
 
@@ -216,6 +218,7 @@ class Odometer:
         self._integrator.set_pose(pose, self._encoders.totals)
         self._heading.reset()
         self._doubt = None
+        self.broken = ""
         self._covariance.set_pose(pose.theta, covariance)
         if self.estimate is not None:
             self.estimate = msgspec.structs.replace(
@@ -287,7 +290,7 @@ class Odometer:
         elif reading.after_gap or sent_ns - self._heard_ns > SILENCE_NS:
             # A stream that ran before the request has run since the last reading that counted.
             encoders.announce(
-                "away" if reading.after_gap else "silence",
+                "restart" if self._resumed else "away" if reading.after_gap else "silence",
                 unbroken=reading.unbroken and self._armed <= 1,
                 speeds_m_s=self._speeds,
             )
@@ -484,6 +487,7 @@ class Odometer:
         rough_ns = 0 if verdict.outcome == "baseline" else self._clock.rough_ns
         self._velocity.interrupt(None if instant.unsure_ns else totals, rough_ns)
         self._doubt = None
+        self._resumed = False
         if verdict.outcome == "baseline":
             return NOTHING
         unsure_m = 0.0
@@ -500,15 +504,8 @@ class Odometer:
         gap_s = gap_ns * 1e-9
         fastest_m_s = max(map(abs, self._speeds))
         lost_m = discontinuity.unknown_m(
-            verdict.outcome,
-            gap_s,
-            fastest_m_s=fastest_m_s,
-            speed_max_m_s=self._speed_max_m_s,
+            verdict.outcome, gap_s, fastest_m_s=fastest_m_s, speed_max_m_s=self._speed_max_m_s
         )
-        if lost_m:
-            gained = self._covariance.gained
-            self._covariance.lose(lost_m)
-            self._heading.lose(self._covariance.gained - gained)
         self.counters[discontinuity.COUNTERS[verdict.outcome]] += 1
         counted_m = max(
             abs(delta) * motor.metres_per_tick
@@ -517,4 +514,9 @@ class Odometer:
         event = discontinuity.event(
             verdict.outcome, gap_s=gap_s, lost_m=lost_m, counted_m=counted_m, unsure_m=unsure_m
         )
+        if lost_m:
+            gained = self._covariance.gained
+            self._covariance.lose(lost_m)
+            self._heading.lose(self._covariance.gained - gained)
+            self.broken = event.message
         return Update(events=(event,))
