@@ -35,11 +35,11 @@ MOST_CODE = {
     "blackbox": 1265,
     "cli": 5032,
     "client": 1908,
-    "core": 17207,
-    "moves": 2074,
-    "ros2": 1233,
+    "core": 17205,
+    "moves": 2082,
+    "ros2": 1236,
     "simulation": 3152,
-    "tools": 11633,
+    "tools": 11643,
     "web": 3337,
 }
 """The lines of code of each door. They only shrink: a commit that raises one gives the reason, and

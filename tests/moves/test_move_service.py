@@ -10,12 +10,14 @@ from collections.abc import AsyncIterator, Callable
 from random import Random
 from typing import Any
 
+import msgspec
 import pytest
 from fake_daemon import fake_daemon
 from zenoh_fixtures import eventually
 
 from yahboomd.client import AsyncRobot, connect
 from yahboomd.client.move_messages import BEAT, CANCEL, MOVES, PAUSE, RESUME, SOURCE, START
+from yahboomd.core.bus.subscriptions import Arrival
 from yahboomd.core.clock import SystemClock
 from yahboomd.core.config import read
 from yahboomd.core.errors import Refused
@@ -171,6 +173,38 @@ async def test_a_token_that_goes_ends_the_moves(served: Any) -> None:
         await eventually(lambda: service._keeper.last.state == "ended")
         beating.cancel()
         assert service._keeper.last.reason == "client_gone"
+
+
+async def test_a_token_that_no_service_has_ends_nothing(served: Any) -> None:
+    _, robot, service = served
+    async with connect(served[0].endpoint) as other:
+        declare = other.bus.session.liveliness().declare_token
+        tokens = [declare(f"yahboomd/moves/serving/{name}") for name in ("0", "00", "0-", "0-zz")]
+        seen: list[Any] = []
+        robot.bus.watch_tokens("yahboomd/moves/serving/*", seen.extend)
+        await eventually(lambda: len(seen) > len(tokens))
+        service._look_for_others(0)
+        assert service.serving
+
+
+async def test_a_flood_of_beats_does_not_starve_the_client_that_is_there(served: Any) -> None:
+    _, robot, service = served
+    request = json.loads(STRAIGHT) | {"holder": "tok"}
+    begun = await robot.request(START, json.dumps(request).encode())
+    running = service._keeper._running
+    before_ns = running.beat_ns
+    foreign = Arrival(
+        key=BEAT, payload=b'{"id": "x"}', stamp_ns=None, arrived_ns=before_ns + 7, dropped=0
+    )
+    service._beat([foreign])
+    assert running.beat_ns == before_ns
+    # The lane was full: the client's own may be among those that were lost.
+    service._beat([msgspec.structs.replace(foreign, dropped=1000)])
+    assert running.beat_ns == before_ns + 7
+    running.holder = ""
+    service._beat([msgspec.structs.replace(foreign, dropped=1000, arrived_ns=before_ns + 9)])
+    assert running.beat_ns == before_ns + 7
+    assert begun.success
 
 
 async def test_no_request_raises_or_moves_anything(served: Any) -> None:

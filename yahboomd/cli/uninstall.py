@@ -57,9 +57,9 @@ def uninstall(system: System, *, instance: str | None = None) -> int:
         return os.EX_OK
     _end(system, ["yahboomd.service", *_instances(system.root), *_others(system.root)])
     for place in install_plan.FILES.values():
-        _remove(system.root / place, dry=system.dry)
-    if (system.root / install_plan.WEB_LISTEN).exists():
-        _remove(system.root / install_plan.WEB_LISTEN, dry=system.dry)
+        _remove(install_plan.below(system.root, place), dry=system.dry)
+    if (listen := install_plan.below(system.root, install_plan.WEB_LISTEN)).exists():
+        _remove(listen, dry=system.dry)
     for file in shared_plan(system):
         if file.path.exists():
             _remove(file.path, dry=system.dry)

@@ -196,6 +196,11 @@ class MoveKeeper:
         if self._running is not None and name == self._running.id:
             self._running.beat_ns = max(self._running.beat_ns, at_ns)
 
+    def beats_lost(self, at_ns: int) -> None:
+        """Note that beats were lost in a flood: a client's token shows that it is there."""
+        if self._running is not None and self._running.holder:
+            self.beat(self._running.id, at_ns)
+
     def holder(self, name: str, *, present: bool) -> None:
         """The token of a client came or went."""
         running = self._running

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+import re
 import secrets
 from collections.abc import Awaitable, Callable
 from typing import TypeVar
@@ -206,6 +207,8 @@ class MoveService:
 
     def _beat(self, arrivals: list[Arrival]) -> None:
         for arrival in arrivals:
+            if arrival.dropped:
+                self._keeper.beats_lost(arrival.arrived_ns)
             beat = read_sample(arrival.payload, MoveBeat)
             if beat is not None:
                 self._keeper.beat(beat.id, arrival.arrived_ns)
@@ -217,6 +220,9 @@ class MoveService:
     def _others(self, changes: list[TokenChange]) -> None:
         for change in changes:
             name = change.key.rpartition("/")[2]
+            if not re.fullmatch("[01]-[0-9a-f]{16}", name):
+                # No service has such a name: a token of another program ends none.
+                continue
             (self._services.add if change.present else self._services.discard)(name)
 
     async def _start(self, query: BusQuery) -> Response:

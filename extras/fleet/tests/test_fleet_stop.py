@@ -47,6 +47,18 @@ def test_a_robot_that_could_not_send_the_stop_has_not_acknowledged(stop: FleetSt
     assert not any(line.startswith(ONE) for line in stop.report())
 
 
+def test_a_standing_robot_whose_counts_came_after_its_answer_stands(stop: FleetStop) -> None:
+    for robot in BOTS:
+        stop.answered(robot, reply(stands=None, speed=None), 0.1)
+    assert stop.turning(0.2) == list(BOTS)
+    assert not stop.is_over(0.2)
+    for seq in (1, 2):
+        for robot in BOTS:
+            stop.measured(robot, seq, (0.0, 0.0))
+    assert stop.is_over(0.3)
+    assert stop.all_stand
+
+
 def test_who_did_not_answer_and_who_is_not_reachable_are_named_apart(stop: FleetStop) -> None:
     stop.answered(ONE, reply(), 0.1)
     stop.seen(TWO, present=True)
@@ -89,10 +101,12 @@ def test_wheels_stand_after_two_readings_in_a_row(stop: FleetStop) -> None:
     assert stop.report() == ["3 of 3 robots acknowledged, the last after 0.10 s; 3 stand."]
 
 
-def test_without_counts_nothing_is_waited_for_and_nothing_is_claimed(stop: FleetStop) -> None:
+def test_counts_are_waited_for_as_long_and_without_them_nothing_is_claimed(
+    stop: FleetStop,
+) -> None:
     for robot in BOTS:
         stop.answered(robot, reply(stands=None, speed=None), 0.1)
-    assert stop.is_over(0.1)
+    assert stop.is_over(0.1 + STAND_WITHIN_S)
     assert not stop.all_stand
     assert f"{ONE}: stopped; no counts show whether its wheels stand." in stop.report()
 

@@ -119,7 +119,7 @@ class FleetStop:
             name
             for name, robot in self.robots.items()
             if robot.acknowledged_s is not None
-            and robot.stands is False
+            and not robot.stands
             and now_s - robot.acknowledged_s < STAND_WITHIN_S
         ]
 

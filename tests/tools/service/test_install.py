@@ -61,6 +61,29 @@ def test_the_command_line_installs_into_a_folder(
     assert "Nothing is started" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("verb", ["install", "uninstall"])
+@pytest.mark.parametrize("link", ["etc", "etc/systemd", "usr/local"])
+def test_a_link_that_leads_out_of_the_root_is_refused_and_not_followed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str, link: str
+) -> None:
+    """An absolute link in the image of another machine leads to this machine's folder."""
+    outside, root = tmp_path / "outside", tmp_path / "root"
+    outside.mkdir()
+    (root / link).parent.mkdir(parents=True)
+    (root / link).symlink_to(outside)
+    assert main([verb, "--root", str(root)]) not in {0, None}
+    assert f"{outside}" in capsys.readouterr().err
+    assert list(outside.iterdir()) == []
+
+
+def test_a_relative_link_below_the_root_is_followed(tmp_path: Path) -> None:
+    (tmp_path / "var/usrlocal").mkdir(parents=True)
+    (tmp_path / "usr").mkdir()
+    (tmp_path / "usr/local").symlink_to("../var/usrlocal")
+    assert main(["install", "--root", str(tmp_path)]) == 0
+    assert (tmp_path / "var/usrlocal/share/man/man1/yahboomd-stop.1").exists()
+
+
 def test_a_dry_run_changes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run = Commands()
     assert install(system(tmp_path, run, dry=True, live=True)) == 0

@@ -13,6 +13,8 @@ from typing import Literal
 
 import msgspec
 
+from yahboomd.core.errors import Refused
+
 PACKAGED = Path("/opt/yahboomd")
 """The environment of the Debian package; dpkg installs its files."""
 
@@ -92,15 +94,31 @@ def data_text(name: str) -> str:
     raise FileNotFoundError(f"{name} is missing from this installation of yahboomd")
 
 
+def below(root: Path, place: str) -> Path:
+    """A place in the system below a root.
+
+    Raises:
+        Refused: A link of that system leads out of the root, such as an absolute one: the file
+            would be another system's.
+    """
+    path = root / place
+    if not (there := path.parent.resolve()).is_relative_to(root.resolve()):
+        raise Refused(
+            f"{path.parent} leads to {there}, outside of {root}. Nothing was changed there.",
+            remedy="Make the link relative, or run `yahboomd install` in that system (chroot).",
+        )
+    return path
+
+
 def planned_files(root: Path, program: Path, *, packaged: bool) -> list[PlannedFile]:
     """The files of the service itself; none if the Debian package brings them."""
     if packaged:
         return []
     files = [
-        _planned(root / place, data_text(name).replace(UNIT_PROGRAM, str(program)))
+        _planned(below(root, place), data_text(name).replace(UNIT_PROGRAM, str(program)))
         for name, place in FILES.items()
     ]
-    files.append(_planned(root / CONFIG, data_text("config.toml"), keep=True))
+    files.append(_planned(below(root, CONFIG), data_text("config.toml"), keep=True))
     return files
 
 
@@ -112,7 +130,8 @@ def shared_plan(root: Path, texts: Mapping[str, str]) -> list[PlannedFile]:
     """
     places = {FISH_SHARED: FISH}
     return [
-        _planned(root / places.get(name, f"{SHARE}/{name}"), text) for name, text in texts.items()
+        _planned(below(root, places.get(name, f"{SHARE}/{name}")), text)
+        for name, text in texts.items()
     ]
 
 
@@ -124,7 +143,7 @@ def instance_file(root: Path, name: str, port: str) -> PlannedFile:
         port: Its serial port; best a name below ``/dev/serial/by-path``, which stays with the
             socket.
     """
-    folder = (root / CONFIG).parent
+    folder = below(root, CONFIG).parent
     path = folder / f"{name}.toml"
     others = [each for each in sorted(folder.glob("*.toml")) if each != path]
     listen = free_listen_port(each.read_text(encoding="utf-8") for each in others)
@@ -150,7 +169,7 @@ def web_listen_file(root: Path, listen: str) -> PlannedFile:
         f'Environment="WEB_OPTIONS=--listen {listen}"\n'
         "IPAddressDeny=\n"
     )
-    return _planned(root / WEB_LISTEN, text)
+    return _planned(below(root, WEB_LISTEN), text)
 
 
 def free_listen_port(configurations: Iterable[str]) -> int:
