@@ -60,6 +60,9 @@ def main() -> int:
         sys.stderr.write(f"yahboomd: {pasteable(readable(str(error)))}\n")
         return error.exit_code
     endpoints = daemon_endpoints(options, config)
+    if (taken := _taken(args.listen)) is not None:
+        sys.stderr.write(f"yahboomd: {taken}\n")
+        return os.EX_UNAVAILABLE
     # Until the daemon is there, a signal ends everything that was started.
     for number in PASSED_ON:
         signal.signal(number, lambda number, _: sys.exit(128 + number))
@@ -90,6 +93,23 @@ def main() -> int:
                 return 128 + signal.SIGINT
             finally:
                 board.terminate()
+
+
+def _taken(listen: str) -> str | None:
+    """Why the page cannot be served there, in a sentence for `make`."""
+    from yahboomd.core.errors import ListenError
+    from yahboomd.tools.metrics.http_listener import Place
+    from yahboomd.web.web_server import listen as listen_at
+
+    if (place := Place.of(listen)) is None:
+        # The page's own command names the mistake.
+        return None
+    try:
+        listen_at(place.host, place.port).close()
+    except ListenError as error:
+        other = f"{listen.rpartition(':')[0]}:{place.port + 1}"
+        return f"{error.message} Choose another port: make run ARGS='--listen {other}'"
+    return None
 
 
 def _robot(options: argparse.Namespace, link: Path) -> list[str]:

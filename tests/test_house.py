@@ -33,14 +33,14 @@ def test_the_path_for_a_reader_is_there_and_can_be_read_in_a_day() -> None:
 
 MOST_CODE = {
     "blackbox": 1265,
-    "cli": 5032,
+    "cli": 5037,
     "client": 1908,
     "core": 17205,
     "moves": 2082,
     "ros2": 1236,
     "simulation": 3152,
     "tools": 11643,
-    "web": 3337,
+    "web": 3364,
 }
 """The lines of code of each door. They only shrink: a commit that raises one gives the reason, and
 takes as much away soon."""

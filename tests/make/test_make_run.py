@@ -87,6 +87,20 @@ def test_without_a_port_a_board_is_simulated_and_the_robot_can_be_driven(
     assert "Traceback" not in made.output
 
 
+def test_a_taken_port_of_the_page_is_named_with_what_fits_make() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        done = subprocess.run(
+            [sys.executable, str(SCRIPT), "--listen", f"127.0.0.1:{port}"],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    assert done.returncode == 69
+    assert f"make run ARGS='--listen 127.0.0.1:{port + 1}'" in done.stderr
+    assert done.stdout == ""
+
+
 @pytest.mark.nightly
 def test_a_daemon_works_on_when_its_page_dies_and_a_page_for_phones_needs_a_link(
     started: Callable[..., tuple[MakeRun, str]],

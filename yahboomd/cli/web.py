@@ -270,6 +270,7 @@ def _place(text: str) -> Place:
 def _context(args: argparse.Namespace, place: Place, folder: Path) -> SSLContext | None:
     """The given certificate; else, beyond loopback, the one that was made here."""
     from yahboomd.web.certificate import CERTIFICATE, KEY, Certificate
+    from yahboomd.web.page_link import reachable_hosts
 
     certificate, key = args.certificate, args.key
     if (certificate is None) != (key is None):
@@ -278,7 +279,11 @@ def _context(args: argparse.Namespace, place: Place, folder: Path) -> SSLContext
         certificate, key = folder / CERTIFICATE, folder / KEY
     if certificate is None:
         return None
-    return Certificate(certificate=certificate, key=key).context()
+    pair = Certificate(certificate=certificate, key=key)
+    context = pair.context()
+    if words := pair.lacks(reachable_hosts(place.host)):
+        print(f"warning: {words}", file=sys.stderr, flush=True)
+    return context
 
 
 def _certify(folder: Path, names: list[str]) -> int:

@@ -6,7 +6,7 @@ import ipaddress
 import ssl
 import subprocess
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import msgspec
@@ -57,6 +57,23 @@ class Certificate(msgspec.Struct, frozen=True, kw_only=True):
                 remedy="Make both with `yahboomd web --make-certificate`.",
             ) from error
         return context
+
+    def lacks(self, hosts: Sequence[str]) -> str:
+        """A sentence if it was not made for the first of these addresses; else empty.
+
+        The names in a certificate that an authority signed are not read.
+        """
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+        context.load_verify_locations(self.certificate)
+        made = [each.get("subjectAltName", ()) for each in context.get_ca_certs()]
+        names = [str(entry[1]) for entries in made for entry in entries]
+        if not names or not hosts or hosts[0] in names:
+            return ""
+        return (
+            f"{self.certificate} is for {', '.join(names)}, and not for {hosts[0]}, where phones "
+            "reach this machine now: browsers warn, and an iPhone only stays silent. Make a new "
+            "one, and start the page again: yahboomd web --make-certificate"
+        )
 
 
 def make_certificate(folder: Path, hosts: Iterable[str]) -> tuple[Path, Path, str]:

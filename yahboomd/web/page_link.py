@@ -31,6 +31,9 @@ from yahboomd.web.session_files import (
 
 ROLES: tuple[Role, Role] = ("driver", "viewer")
 
+ELSEWHERE = ("192.0.2.1", 9)
+"""An address of no network (RFC 5737), so that its route is the default one."""
+
 SIOCGIFADDR = 0x8915
 """Of linux/sockios.h: the address of an interface."""
 
@@ -43,10 +46,24 @@ def link(host: str, port: int, *, tls: bool, token: str = "") -> str:
 
 
 def reachable_hosts(host: str) -> list[str]:
-    """The addresses at which other machines reach a server that listens on ``host``."""
+    """The addresses at which other machines reach a server that listens on ``host``.
+
+    The default route's is the first: another interface may be a lidar's.
+    """
     if not ipaddress.ip_address(host).is_unspecified:
         return [host]
-    return list(dict.fromkeys(own_addresses())) or [socket.gethostname()]
+    first = default_address()
+    return sorted(dict.fromkeys(own_addresses()), key=lambda each: each != first)
+
+
+def default_address() -> str:
+    """This machine's address on the default route; empty without one. Sends nothing."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asking:
+        try:
+            asking.connect(ELSEWHERE)
+        except OSError:
+            return ""
+        return str(asking.getsockname()[0])
 
 
 def own_addresses() -> Iterator[str]:
@@ -120,6 +137,12 @@ def print_links(folder: Path, place: Place, clock: Clock, *, tls: bool) -> None:
         ConfigError: The folder cannot be written to.
     """
     hosts = reachable_hosts(place.host)
+    if not hosts:
+        print(
+            "This machine has no address on a network, so no phone reaches the page. Connect it, "
+            "then get a link: yahboomd web --show-link"
+        )
+        return
     driver, viewer = (make_entry(folder, role, clock) for role in ROLES)
     for host in hosts:
         print(f"to drive:           {link(host, place.port, tls=tls, token=driver)}")

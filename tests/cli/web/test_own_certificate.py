@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from yahboomd.core.errors import ConfigError
-from yahboomd.web.certificate import CERTIFICATE, KEY, make_certificate
+from yahboomd.web.certificate import CERTIFICATE, KEY, Certificate, make_certificate
 
 
 def test_it_names_every_host_and_its_key_is_for_this_user_alone(tmp_path: Path) -> None:
@@ -26,6 +26,18 @@ def test_it_names_every_host_and_its_key_is_for_this_user_alone(tmp_path: Path) 
     assert fingerprint.count(":") == 31
     # Again: the one before is replaced.
     assert make_certificate(folder, ["robot.local"])[2] != fingerprint
+
+
+def test_one_for_yesterdays_address_says_which_it_names_and_how_to_make_a_new_one(
+    tmp_path: Path,
+) -> None:
+    certificate, key, _ = make_certificate(tmp_path, ["192.168.1.5", "robot.local"])
+    made = Certificate(certificate=certificate, key=key)
+    assert made.lacks(["192.168.1.5", "172.17.0.1"]) == ""
+    assert made.lacks([]) == ""
+    words = made.lacks(["10.0.0.7", "192.168.1.5"])
+    assert "is for 192.168.1.5, robot.local, and not for 10.0.0.7" in words
+    assert words.endswith("yahboomd web --make-certificate")
 
 
 def test_it_replaces_links_and_never_writes_through_them(tmp_path: Path) -> None:

@@ -13,12 +13,16 @@ import segno
 
 from yahboomd.core.clock import SystemClock
 from yahboomd.core.errors import ConfigError
+from yahboomd.tools.metrics.http_listener import Place
+from yahboomd.web import page_link
 from yahboomd.web.page_link import (
     SERVED,
+    default_address,
     end_sessions,
     last_served,
     link,
     own_addresses,
+    print_links,
     print_sessions,
     qr_lines,
     reachable_hosts,
@@ -34,10 +38,28 @@ def test_the_token_is_in_the_fragment() -> None:
 
 def test_every_interface_means_the_addresses_of_this_machine() -> None:
     assert reachable_hosts("192.168.1.5") == ["192.168.1.5"]
-    found = reachable_hosts("0.0.0.0")
-    assert found
-    assert "0.0.0.0" not in found
+    assert "0.0.0.0" not in reachable_hosts("0.0.0.0")
+    assert default_address() in {"", *own_addresses()}
     assert not any(ipaddress.ip_address(each).is_loopback for each in own_addresses())
+
+
+def test_the_first_link_has_the_default_routes_address(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And not that of a lidar's interface, which comes first in the kernel's list."""
+    own = ["192.168.158.10", "10.1.2.3", "172.17.0.1"]
+    monkeypatch.setattr(page_link, "own_addresses", lambda: iter(own))
+    monkeypatch.setattr(page_link, "default_address", lambda: "10.1.2.3")
+    assert reachable_hosts("0.0.0.0") == ["10.1.2.3", "192.168.158.10", "172.17.0.1"]
+
+
+def test_without_a_network_no_link_is_shown(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(page_link, "own_addresses", lambda: iter(()))
+    print_links(tmp_path, Place(host="0.0.0.0", port=8480), SystemClock(), tls=False)
+    words = capsys.readouterr().out
+    assert "no address on a network" in words
+    assert "http" not in words
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_link_fits_a_terminal_as_a_qr_code_of_white_and_black() -> None:
