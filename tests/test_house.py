@@ -39,7 +39,7 @@ MOST_CODE = {
     "moves": 2082,
     "ros2": 1236,
     "simulation": 3152,
-    "tools": 11643,
+    "tools": 11649,
     "web": 3364,
 }
 """The lines of code of each door. They only shrink: a commit that raises one gives the reason, and

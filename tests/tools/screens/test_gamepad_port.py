@@ -86,6 +86,14 @@ async def test_a_device_that_the_user_may_not_read_is_named_with_what_to_type() 
 
 
 @on_virtual_time
+async def test_a_joystick_is_named_and_not_called_absent(tmp_path: Path) -> None:
+    (tmp_path / "event3").write_bytes(b"")
+    (tmp_path / "js0").write_bytes(b"")
+    with port(None, tmp_path) as looking:
+        assert f"{tmp_path}/js0 is a joystick, not a gamepad" in looking.words
+
+
+@on_virtual_time
 async def test_a_pad_that_is_plugged_in_later_is_found_within_a_second(
     tmp_path: Path, pad: FakePad
 ) -> None:

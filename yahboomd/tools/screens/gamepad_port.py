@@ -118,6 +118,12 @@ class GamepadPort:
                 f"Your user may not read {denied}. Type `sudo usermod -aG input $USER`, then log "
                 "out and in again."
             )
+        if self._device is None and (others := sorted(self._folder.glob("js*"))):
+            return (
+                f"To the kernel {others[0]} is a joystick, not a gamepad: which of its buttons "
+                "would be held is unknown. Many pads have another mode, by a switch or a button "
+                "that is held while it connects."
+            )
         where = f"{self._device} is not there" if self._device else "No gamepad is there"
         return f"{where}: plug it in, or connect it. It is found by itself."
 
