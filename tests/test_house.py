@@ -37,7 +37,7 @@ MOST_CODE = {
     "client": 1908,
     "core": 17205,
     "moves": 2082,
-    "ros2": 1236,
+    "ros2": 1255,
     "simulation": 3152,
     "tools": 11649,
     "web": 3364,

@@ -104,3 +104,26 @@ async def test_natively_both_types_of_commands_are_right_and_others_are_named(
     assert "Twist" not in words.partition(" on ")[0]
     tokens[ros2_names.BOOL].undeclare()
     await eventually(lambda: not watched.warnings())
+
+
+@pytest.mark.parametrize("topic", ["odom", "joint_states"])
+async def test_another_publisher_of_a_topic_of_ours_is_named(
+    watch: TypeWatch, bus: Bus, app: ZenohApp, topic: str
+) -> None:
+    watch.watch_own(topic, 7, bridge=True, native=True)
+    watched = Watched(watch)
+
+    def token(zid: str) -> str:
+        node = Node(domain_id=7, zid=zid, name="other", namespace="bot1")
+        kind = {"entity": 1, "topic": f"bot1/{topic}", "ros_type": ros2_names.TWIST_STAMPED}
+        return ros2_names.endpoint_token("MP", node, qos=Qos(), distro="jazzy", **kind)  # type: ignore[arg-type]
+
+    bus.token(f"/{token(bus.zid)}")
+    assert not any(watched.warnings() for _ in range(5))
+    foreign = writers(app, f"bot1/{topic}", writer("nav_msgs/msg/Odometry"))
+    words = (await eventually(watched.warnings))[topic]
+    assert f"Another program publishes bot1/{topic}, which is yahboomd's: a second robot" in words
+    foreign.undeclare()
+    await eventually(lambda: not watched.warnings())
+    _token = app.session.liveliness().declare_token(token("aa").replace("TwistStamped_", "Bool_"))
+    assert topic in await eventually(watched.warnings)

@@ -100,6 +100,14 @@ class Ros2Plane:
                 handler = requests.commands(source, sent_at)
                 native.subscriber(source, ros_type, COMMANDS, handler, also=other)
                 types.watch_nodes(source, ros_type, config.ros2.domain_id)
+        own = topics(config)
+        for topic in filter(None, (own.odom, own.joint_states)):
+            types.watch_own(
+                topic,
+                config.ros2.domain_id,
+                bridge=bridge is not None,
+                native=native is not None,
+            )
         if bridge is not None:
             bridge.subscriber(keys.ODOMETRY_SET_POSE, ros2_names.POSE, REPEATED)
         if native is not None:

@@ -50,7 +50,8 @@ class TypeWatch:
         """
         self._expected[source] = ros_type
         found = self._behind_bridges.setdefault(source, {})
-        for topic in dict.fromkeys((self._bus.key(source), source)):
+        named = (self._bus.key(source), source) if ros_type else (self._bus.key(source),)
+        for topic in dict.fromkeys(named):
 
             def answered(answers: list[bytes], topic: str = topic) -> None:
                 found[topic] = frozenset(filter(None, map(_type_of_writer, answers)))
@@ -64,13 +65,20 @@ class TypeWatch:
 
         def changed(changes: list[TokenChange]) -> None:
             for change in changes:
-                if change.present:
+                if change.present and f"/{self._bus.zid}/" not in change.key:
                     found[change.key] = ros2_names.type_of_token(change.key)
                 else:
                     found.pop(change.key, None)
 
         pattern = ros2_names.publisher_tokens(domain_id, self._bus.key(source))
         self._bus.watch_tokens(f"/{pattern}", self._guarded("The types of nodes", changed))
+
+    def watch_own(self, topic: str, domain_id: int, *, bridge: bool, native: bool) -> None:
+        """Look for other publishers of a topic that is yahboomd's alone."""
+        if bridge:
+            self.watch_bridges(topic, "")
+        if native:
+            self.watch_nodes(topic, "", domain_id)
 
     def warnings(self, now_ns: int) -> dict[str, str]:
         """The faults by source. Call it repeatedly: it also asks the bridges."""
@@ -90,8 +98,13 @@ class TypeWatch:
         return found
 
     def _words(self, source: str, expected: str, others: list[str]) -> str:
+        key = self._bus.key(source)
         words = (
-            f"A node publishes {' and '.join(others)} on {self._bus.key(source)}, where yahboomd "
+            f"Another program publishes {key}, which is yahboomd's: a second robot, which one "
+            "command drives as well, or a node such as joint_state_publisher. Give each robot a "
+            "namespace; end that node, or switch the topic off in [ros2]."
+            if not expected
+            else f"A node publishes {' and '.join(others)} on {key}, where yahboomd "
             f"expects {expected}: its commands may not arrive. {_remedy(source, expected, others)}"
         )
         if words not in self._logged:
