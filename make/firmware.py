@@ -36,14 +36,13 @@ def main() -> int:
     lacking = "" if image.exists() else f"there is no {image}; {WHERE}"
     if importlib.util.find_spec("unicorn") is None:
         lacking = "unicorn, the emulator, is not installed here"
-    seed = os.environ.get("YAHBOOMD_SEED") or str(random.randrange(10_000, 1_000_000))
     lanes = str(os.cpu_count() or 1)
     call = [sys.executable, "-m", "pytest", "tests/firmware", "-q", "-n", lanes, *sys.argv[1:]]
-    ended = subprocess.call(call, cwd=TREE, env={**os.environ, "YAHBOOMD_SEED": seed})
-    if not lacking:
-        print(
-            f"The simulated board beside the firmware: YAHBOOMD_SEED={seed} repeats the commands."
-        )
+    if os.environ.get("YAHBOOMD_FIRMWARE_LONG"):
+        # Here, since each lane of pytest would draw its own.
+        os.environ.setdefault("YAHBOOMD_SEED", str(random.randrange(10_000, 1_000_000)))
+        print(f"YAHBOOMD_SEED={os.environ['YAHBOOMD_SEED']} repeats the commands.")
+    ended = subprocess.call(call, cwd=TREE)
     if ended:
         print("firmware: tried, and FAILED")
     elif lacking:
