@@ -9,11 +9,12 @@ from pathlib import Path
 import pytest
 from fault_bench import TICK_M, FaultBench
 from robot_bench import RobotBench
+from vendor_firmware import STICKING
 
 from yahboomd.core.messages.codecs import encode
 from yahboomd.core.messages.native import VelocityCommand
 from yahboomd.core.model import Twist2d
-from yahboomd.simulation.options import SimulationOptions, Wiring
+from yahboomd.simulation.options import PLAIN_GAIN, SimulationOptions, Wiring
 from yahboomd.simulation.truth import TruthSample
 from yahboomd.simulation.virtual_time import on_virtual_time
 
@@ -163,3 +164,22 @@ async def test_slip_of_the_rollers_is_made_up_for_in_commands_and_in_odometry(
         await asyncio.sleep(1.0)
         pose, place = bench.heard.estimates[-1].pose, bench.robot.truth(bench.clock.now_ns())
         assert math.hypot(pose.x - place.x, pose.y - place.y) < 0.01
+
+
+@on_virtual_time
+async def test_backward_docking_at_a_crawl_on_a_sticking_floor_keeps_the_pose(
+    tmp_path: Path,
+) -> None:
+    motors = STICKING["40 %, sticks"] | {"loop_gain": PLAIN_GAIN}
+    async with FaultBench(tmp_path, (), SimulationOptions(**motors)) as bench:
+        await bench.ready()
+        await asyncio.sleep(0.3)
+        # By odometry alone, as a docking does it; 0.3 m take 6 s.
+        async with asyncio.timeout(8.0):
+            while not bench.heard.estimates or bench.heard.estimates[-1].pose.x > -0.3:
+                await bench.drive(0.05, -0.05)
+        bench.command()
+        await bench.until(lambda: bench.standing)
+        await asyncio.sleep(0.5)
+        assert -0.32 < assert_at_truth(bench).x < -0.30
+        assert bench.heard.kinds == ["connected"]
