@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import logging
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -75,6 +77,32 @@ async def test_what_is_stored_already_is_not_written_again(tmp_path: Path) -> No
         await bench.drive(1.0, 0.3)
         assert min(bench.rim_speeds) == pytest.approx(0.3, abs=0.03)
         assert bench.heard.kinds.count("setting_stored") == 2
+
+
+@on_virtual_time
+async def test_a_usb_error_in_motion_stops_the_wheels_on_the_new_port_until_a_new_command(
+    tmp_path: Path,
+) -> None:
+    """Interference: EPROTO, and the same board is back under another name at once."""
+    # The command of before is still fresh when the board is ready again.
+    async with RobotBench(tmp_path, ["command.timeout_s=5"]) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.3)
+        before, lost_ns = bench.port, bench.clock.now_ns()
+        assert before is not None
+        before._memory._lose(OSError(errno.EPROTO, os.strerror(errno.EPROTO)))
+        await bench.until(lambda: bench.port is not before and any(bench.frames))
+        assert bench.port is not None
+        assert bench.port.written[0][0] - lost_ns < 300_000_000
+        assert min(bench.rim_speeds) > 0.2
+        # After a line's end, which closes what the interference cut.
+        assert bench.frames == [b"", b"$pwm:0,0,0,0#"]
+        await bench.until(lambda: bench.standing, within_s=0.5)
+        await bench.ready()
+        await asyncio.sleep(1.0)
+        assert bench.standing
+        await bench.drive(1.0, 0.3)
+        assert min(bench.rim_speeds) == pytest.approx(0.3, abs=0.03)
 
 
 @on_virtual_time

@@ -193,6 +193,32 @@ async def test_writing_to_a_lost_port_neither_raises_nor_reports_again(
     assert len(gone) == 1
 
 
+@pytest.mark.parametrize("call", ["read", "write"])
+async def test_an_error_of_the_usb_ends_the_port_once_with_its_number(
+    port: SerialPort, device: Device, monkeypatch: pytest.MonkeyPatch, call: str
+) -> None:
+    """Interference on the cable: EPROTO, while the far side still holds its end."""
+    gone: list[Exception | None] = []
+    port.listen(lambda _: None, gone.append)
+    real = getattr(os, call)
+
+    def disturbed(fd: int, what: object) -> object:
+        if fd == port.fileno():
+            raise OSError(errno.EPROTO, os.strerror(errno.EPROTO))
+        return real(fd, what)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(os, call, disturbed)
+        if call == "read":
+            os.write(device.master, b"$data:1,2,3,4#")
+        else:
+            port.write(b"$spd:300,0,300,0#")
+        await until(lambda: gone)
+        port.write(b"$spd:300,0,300,0#")
+        await until(lambda: port._transport is None)
+    assert [getattr(each, "errno", None) for each in gone] == [errno.EPROTO]
+
+
 async def test_output_that_is_not_taken_is_bounded_and_ends_the_port(port: SerialPort) -> None:
     gone: list[Exception | None] = []
     port.listen(lambda _: None, gone.append)
