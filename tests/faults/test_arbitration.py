@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from fault_bench import DIALECTS, MS, FaultBench, first_stop_ns, is_stop
+from robot_bench import state_and_why
 
 from yahboomd.core.bus.subscriptions import Arrival
 from yahboomd.simulation.options import SimulationOptions
@@ -78,19 +79,19 @@ async def test_silence_slows_the_wheels_down_within_its_timeout_and_one_control_
 @on_virtual_time
 async def test_status_names_every_reason_to_stand(tmp_path: Path) -> None:
     async with robot(tmp_path) as bench:
-        assert "No board yet" in bench.controller.state()[1]
+        assert "No board yet" in state_and_why(bench.controller)[1]
         await bench.ready()
-        assert bench.controller.state() == ("standing", "No source commands motion.")
+        assert state_and_why(bench.controller) == ("standing", "No source commands motion.")
         await bench.drive(0.5, 0.3)
-        state, why = bench.controller.state()
+        state, why = state_and_why(bench.controller)
         assert (state, why) == ("driving", "cmd_vel drives.")
         assert bench.controller.decision.since_ns is not None
         await asyncio.sleep(1.5)
-        assert "cmd_vel fell silent" in bench.controller.state()[1]
+        assert "cmd_vel fell silent" in state_and_why(bench.controller)[1]
         bench.operator.engage_estop("somebody")
         bench.do("mute 5")
         await asyncio.sleep(0.5)
-        state, why = bench.controller.state()
+        state, why = state_and_why(bench.controller)
         assert state == "estopped"
         for reason in ("engaged by somebody", "No counts have come", "fell silent"):
             assert reason in why

@@ -22,6 +22,7 @@ from fault_bench import (
     first_stop_ns,
     is_stop,
 )
+from robot_bench import state_and_why
 
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
@@ -83,7 +84,7 @@ async def test_unseen_wheels_are_stopped_after_300_ms_and_turn_again_once_the_bo
         await bench.drive(0.6, 0.3)
         assert first_stop_ns(bench.orders_since(now_ns)) - now_ns <= 350 * MS
         if fault not in {"brown-out 0.5", "reset"}:
-            state, why = bench.controller.state()
+            state, why = state_and_why(bench.controller)
             assert state == "waiting"
             assert "No counts" in why
         # A board that listens obeys. One that hangs keeps its motors as they were.
@@ -91,7 +92,7 @@ async def test_unseen_wheels_are_stopped_after_300_ms_and_turn_again_once_the_bo
         if fault == "hang":
             await asyncio.sleep(10.0)
             assert min(bench.rim_speeds) > 0.2
-            assert "no board answers here" in bench.controller.state()[1]
+            assert "no board answers here" in state_and_why(bench.controller)[1]
             assert "no counts showed whether they stand" in bench.events("stop_not_seen")[0]
             bench.do("reset")
         await bench.drive(7.0, 0.3)
@@ -270,7 +271,7 @@ async def test_a_board_that_keeps_resetting_is_left_alone_until_a_person_came(
             bench.do("brown-out 0.1")
         await bench.drive(15.0, 0.3)
         assert bench.standing
-        state, why = bench.controller.state()
+        state, why = state_and_why(bench.controller)
         assert state == "fault"
         assert "reset itself 3 times" in why
         await asyncio.sleep(1.0)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from fault_bench import CUT, DIALECTS, MS, STREAMS, SUREST, FaultBench, is_stop
+from robot_bench import state_and_why
 
 from yahboomd.core.protocol.first_words import FIRST_WORDS
 from yahboomd.simulation.four_channel.flash import FlashContent
@@ -80,7 +81,7 @@ async def test_a_wheel_that_runs_away_is_cut_within_150_ms_of_showing_it(
         assert all(is_stop(order) for _, order in bench.orders_since(at_ns))
         await asyncio.sleep(1.0)
         assert bench.standing
-        state, why = bench.controller.state()
+        state, why = state_and_why(bench.controller)
         assert state == "fault"
         assert "left" in why
 
@@ -128,7 +129,7 @@ async def test_counts_that_end_in_motion_stop_the_wheels_after_150_ms_or_30_mm(
         print(f"{fault} {motion}: cut {(at_ns - due_ns) / MS:.0f} ms after the proof was due")
         assert 0 <= at_ns - due_ns <= CUT_WITHIN_NS
         assert all(is_stop(order) for _, order in bench.orders_since(at_ns))
-        state, why = bench.controller.state()
+        state, why = state_and_why(bench.controller)
         assert state == "fault"
         assert "left" in why
         assert "no motion" in why
@@ -167,7 +168,7 @@ async def test_a_fault_in_mid_motion_ends_in_standstill(
         await bench.drive(2.0, 0.3)
         await asyncio.sleep(1.0)
         assert bench.standing
-        state, why = bench.controller.state()
+        state, why = state_and_why(bench.controller)
         assert state == "fault"
         assert "right" in why
 
@@ -217,7 +218,7 @@ async def test_a_wheel_that_does_not_begin_to_turn_is_let_go_until_another_comma
         bench.do("stalled left")
         await bench.drive(6.0, 0.1)
         assert len(bench.events("not_started")) == 1
-        state, why = bench.controller.state()
+        state, why = state_and_why(bench.controller)
         assert state == "standing"
         assert why.startswith("left does not begin to turn at 0.10 m/s: drive faster")
         assert bench.standing
@@ -286,7 +287,7 @@ async def test_a_wheel_that_no_cut_stops_is_reported_with_the_supply_to_switch_o
         at_ns = bench.clock.now_ns()
         await bench.until(lambda: any(map(SWITCH_OFF.search, bench.events("stop_not_obeyed"))))
         assert bench.clock.now_ns() - at_ns <= 2000 * MS
-        state, why = bench.controller.state()
+        state, why = state_and_why(bench.controller)
         assert state == "fault"
         assert SWITCH_OFF.search(why)
         # The repair is named as well.
@@ -363,7 +364,7 @@ async def test_a_motor_at_another_position_than_configured_is_named_and_stops_th
         await tries(bench, 0.3)
         await asyncio.sleep(0.5)
         assert bench.standing
-        state, why = bench.controller.state()
+        state, why = state_and_why(bench.controller)
         assert state == "fault"
         assert why.startswith("right had no counts in three tries, the last at 0.30 m/s")
         assert "the position" in why
@@ -392,7 +393,7 @@ async def test_a_520_whose_profile_and_board_believe_that_it_is_another_motor_is
         assert bench.standing
         assert bench.controller.state()[0] == "fault"
         assert {"left", "right"} & {event.wheel for event in bench.heard.events}
-        assert "check" in bench.controller.state()[1]
+        assert "check" in state_and_why(bench.controller)[1]
 
 
 @on_virtual_time
@@ -465,7 +466,7 @@ async def test_a_wheel_that_was_held_against_its_standstill_and_leaps_when_freed
         assert at_ns is not None
         assert at_ns - freed_ns < 300 * MS
         assert bench.standing
-        assert "came free after being blocked" in bench.controller.state()[1]
+        assert "came free after being blocked" in state_and_why(bench.controller)[1]
 
 
 # Settings that would run away.

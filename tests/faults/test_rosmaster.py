@@ -10,6 +10,7 @@ from typing import Any
 import msgspec
 import pytest
 from fault_bench import MS, ROSMASTER, FaultBench, is_stop
+from robot_bench import state_and_why
 
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.rosmaster.rosmaster_flash import RosmasterStored
@@ -65,7 +66,7 @@ async def test_a_car_type_that_is_not_known_gets_no_speed_and_is_named(tmp_path:
         await bench.drive(1.0, 0.3)
         assert bench.standing
         assert all(is_stop(order) for _, order in bench.orders)
-        assert "car type 9" in bench.controller.state()[1]
+        assert "car type 9" in state_and_why(bench.controller)[1]
 
 
 @pytest.mark.cases(1)
@@ -159,7 +160,7 @@ async def test_after_a_reset_it_stands_for_the_ten_seconds_of_its_start_and_driv
         # Seen by the banner at once, else by the counts that stay away.
         assert all(at - reset_ns < (150 if announced else 350) * MS for at in moving)
         assert bench.fastest_since(reset_ns + 1500 * MS) < 0.01
-        assert "12 s" in bench.controller.state()[1]
+        assert "12 s" in state_and_why(bench.controller)[1]
         await bench.drive(5.0, 0.3)
         assert min(bench.rim_speeds) > 0.25
         assert bench.events("odometry_discontinuity")
@@ -208,7 +209,7 @@ async def test_a_board_that_is_switched_on_while_it_is_looked_for_is_not_said_to
             if step % 19 == 0:
                 bench.do("reset")
             await asyncio.sleep(0.1)
-            said.add(bench.controller.state()[1])
+            said.add(state_and_why(bench.controller)[1])
         assert any("switched on or reset this moment" in why for why in said)
         assert not any("battery" in why for why in said)
 
@@ -228,7 +229,7 @@ async def test_a_battery_alarm_that_latched_is_named_with_the_voltage_once_and_n
         bench.robot.plant.battery_volts = volts
         await bench.drive(10.0, 0.3)
         assert bench.standing
-        state, why = bench.controller.state()
+        state, why = state_and_why(bench.controller)
         assert state == "waiting"
         # Its supply sagged while it drove.
         assert any(f"had {volts - sag / 10.0:.1f} V at the alarm" in why for sag in range(5))
@@ -263,7 +264,7 @@ async def test_a_sunrise_has_its_own_limits_in_the_words_of_its_silence(
         await bench.ready()
         bench.robot.plant.battery_volts = volts
         await bench.drive(10.0, 0.0)
-        state, why = bench.controller.state()
+        state, why = state_and_why(bench.controller)
         assert state == "waiting"
         assert (
             f"had {volts - 0.05:.1f} V at the alarm. Below 6.5 V or above 8.5 V for 2 s, it brakes"

@@ -23,6 +23,7 @@ from fault_bench import (
     first_stop_ns,
     is_stop,
 )
+from robot_bench import state_and_why
 
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
@@ -246,6 +247,6 @@ async def test_wheels_that_the_end_stops_are_not_accused_of_disobeying_the_appli
         # The application does not know, and commands on.
         await bench.drive(0.5, 0.4)
         assert set(bench.heard.kinds) <= {"stop_not_seen", "disconnected"}
-        state, why = bench.controller.state()
+        state, why = state_and_why(bench.controller)
         assert state == "waiting"
         assert "being ended" in why

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from fault_bench import FaultBench
+from robot_bench import state_and_why
 from rosmaster_firmware import firmware_instead_of_simulated
 from vendor_firmware import rosmaster_missing
 
@@ -109,7 +110,7 @@ async def test_a_latched_alarm_is_named_with_the_cars_limits_and_a_reset_ends_it
         bench.robot.plant.battery_volts = good
         await bench.drive(4.0, 0.3)
         assert bench.standing
-        state, why = bench.controller.state()
+        state, why = state_and_why(bench.controller)
         assert state == "waiting"
         # As the alarm had it, whatever the battery has now.
         assert f"Its supply had {volts - 0.05:.1f} V at the alarm. {words}" in why

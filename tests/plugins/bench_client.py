@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any, Self
 
-from robot_bench import RobotBench
+from robot_bench import RobotBench, state_and_why
 
 from yahboomd.client.commanding import Repeater
 from yahboomd.client.services import Answer
@@ -129,7 +129,7 @@ class BenchClient:
         del message
         bench, now_ns = self._bench, self._bench.clock.wall_ns()
         if self._status is None or now_ns - self._status.stamp_ns >= nanoseconds(STATUS_S):
-            state, why = bench.controller.state()
+            state, why = state_and_why(bench.controller)
             self._status = StatusSample(
                 stamp_ns=now_ns,
                 state=state,

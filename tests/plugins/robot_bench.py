@@ -22,6 +22,7 @@ from yahboomd.core.daemon.commands import CommandIntake
 from yahboomd.core.daemon.control import Controller
 from yahboomd.core.daemon.requests import Operator
 from yahboomd.core.daemon.supervisor import Supervisor
+from yahboomd.core.drive.standing import why
 from yahboomd.core.errors import PortMissing
 from yahboomd.core.link.port_guard import PortGuard
 from yahboomd.core.link.tap import NO_TAP
@@ -31,6 +32,12 @@ from yahboomd.core.model import Event, ImuEstimate, OdometryEstimate
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
 from yahboomd.simulation.virtual_time import LoopClock
+
+
+def state_and_why(controller: Controller) -> tuple[str, str]:
+    """The state in the status, and the reasons as one text."""
+    state, reasons = controller.state()
+    return state, why(reasons)
 
 
 def steps_of(controller: Controller) -> list[int]:

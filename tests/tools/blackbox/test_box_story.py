@@ -9,7 +9,7 @@ from typing import get_args
 
 import pytest
 from made_boxes import HEADER, into, ring_of, saved_box
-from robot_bench import RobotBench
+from robot_bench import RobotBench, state_and_why
 
 from yahboomd.blackbox import records
 from yahboomd.blackbox.box_file import encode_header, read_box
@@ -155,7 +155,7 @@ async def why_after(
     recorder, publish = bench.recorder, bench.heard.event
 
     def note() -> None:
-        state, why = bench.controller.state()
+        state, why = state_and_why(bench.controller)
         recorder.decision(state, bench.controller.decision.driver or "", without_age(why))
 
     def event(event: Event) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from daemon_samples import status
-from robot_bench import RobotBench
+from robot_bench import RobotBench, state_and_why
 
 from yahboomd.core.bus import keys
 from yahboomd.core.bus.keys import own_key
@@ -83,7 +83,7 @@ async def test_a_stop_and_its_release_by_a_persons_key_record_the_name(tmp_path:
         claim = b'{"by": "ben"}'
         assert (await bus.ask(own_key(keys.ESTOP, "anna"), claim))["success"]
         await bench.until(lambda: bench.controller.state()[0] == "estopped")
-        why = bench.controller.state()[1]
+        why = state_and_why(bench.controller)[1]
         assert f"engaged by {own_stop('anna')}" in why
         assert not claims_a_name(why)
         assert (await bus.ask(own_key(keys.ESTOP_RESET, "ben")))["success"]
