@@ -138,6 +138,7 @@ def test_a_camera_that_stands_still_is_marked_and_comes_back(
     camera.freeze()
     looking.until(MARKED)
     looking.says(".camera-age", "Not live")
+    looking.says(".camera-words", "sends no")
     camera.thaw()
     looking.until(LIVE)
 

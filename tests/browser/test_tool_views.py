@@ -309,6 +309,24 @@ def test_a_box_that_is_saved_while_its_view_is_opened_is_listed_without_another_
 
 
 @pytest.mark.nightly
+def test_a_page_that_waits_for_its_turn_at_the_boxes_says_so_and_asks_again(page: Page) -> None:
+    page.evaluate("""window.isBusy = true;
+        const real = fetch;
+        window.fetch = async (...asked) =>
+            isBusy ? new Response("Too many people ask.", { status: 503 }) : real(...asked);
+        0""")
+    page.evaluate("location.hash = '#boxes'")
+    page.says(".boxes .card", "Too many people ask.")
+    page.evaluate("isBusy = false")
+    page.says(".boxes .files", "The last minute, in memory")
+    assert "Too many" not in page.text(".boxes .card")
+    page.evaluate("isBusy = true; document.querySelector('.boxes .files button').click()")
+    page.says(".boxes .story", "Too many people ask.")
+    page.evaluate("isBusy = false")
+    page.until("!/moment|Too many/.test(document.querySelector('.boxes .story').innerText)")
+
+
+@pytest.mark.nightly
 def test_an_emergency_stop_is_listed_explained_and_downloaded_and_a_box_is_saved_now(
     bench: PageBench, tmp_path: Path
 ) -> None:

@@ -12,6 +12,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from starlette.exceptions import HTTPException
+
 from yahboomd.core.clock import Clock
 from yahboomd.web.child_command import output_of
 
@@ -23,7 +25,7 @@ KNOWN_NS = 2_000_000_000
 WAITING = 8
 """The number of requests that may wait; more are refused."""
 
-BUSY = "Too many people ask at once. Try again."
+BUSY = "Too many people ask at once. This page asks again."
 
 
 class PageBoxes:
@@ -75,9 +77,7 @@ class PageBoxes:
     async def file(self, name: str) -> Path | None:
         """The file of a saved box; None for every other name."""
         box = await self._box(name)
-        if box is None or box["kind"] != "saved":
-            return None
-        return Path(box["path"])
+        return Path(box["path"]) if box and box["kind"] == "saved" else None
 
     async def save(self) -> tuple[bool, str]:
         """Make the daemon save its box. Returns whether it was done, and a sentence for people."""
@@ -110,7 +110,7 @@ class PageBoxes:
 
     async def _ask(self, arguments: Sequence[str]) -> tuple[int, str, str]:
         if self._waiting >= WAITING:
-            return 1, "", BUSY
+            raise HTTPException(503, BUSY)
         self._waiting += 1
         try:
             async with self._turn:

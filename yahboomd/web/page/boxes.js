@@ -31,7 +31,8 @@ export function create({ live, connection }) {
     save.hidden = live.newest("hello")?.role !== "driver";
     try {
       const answer = await fetch("/boxes");
-      if (!answer.ok) return;
+      if (answer.status === 503) readSoon(); // Others ask, too.
+      if (!answer.ok) return write(state, await answer.text());
       const { boxes, problem } = await answer.json();
       // A box in memory changes all the time: compare names and kinds only.
       const rows = JSON.stringify(boxes.map(({ name, kind }) => [name, kind]));
@@ -65,8 +66,10 @@ export function create({ live, connection }) {
     story.replaceChildren(el("p", {}, "A moment\u2026"));
     try {
       let answer;
-      // Others ask, too: ask again until it is this page's turn.
-      while ((answer = await fetch(`/boxes/${name}/words`)).status === 503) await new Promise((done) => setTimeout(done, KNOWN_MS));
+      while ((answer = await fetch(`/boxes/${name}/words`)).status === 503) {
+        write(story.firstChild, await answer.text());
+        await new Promise((done) => setTimeout(done, KNOWN_MS));
+      }
       const found = answer.ok ? await answer.json() : { why: await answer.text(), lines: [] };
       const lines = found.lines.map((each) => el("tr", { class: each.what }, el("th", { scope: "row" }, `${fixed(each.before_s, 2)} s`), el("td", {}, each.words)));
       const table = el("table", {}, el("caption", {}, "Events, in seconds before it was saved"), el("tbody", {}, ...lines));

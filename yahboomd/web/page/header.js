@@ -4,8 +4,6 @@ import { charge } from "./battery.js";
 import { DASH, duration, write } from "./dom.js";
 import { delayOf, weakness } from "./obstacles.js";
 
-const STATES = { estopped: "emergency stop" };
-const MOVES = "cmd_vel/moves";
 const SILENT_MS = 1000; // A weak network is silent for shorter times now and then.
 // Nothing to read: nobody drives, who drives stands below, and a button releases.
 const UNSAID = ["no_command", "ended", "driving", "release"];
@@ -50,7 +48,7 @@ function summary(connection, live) {
   if (status.wheels === "unknown") return { state: "fault", words: "may turn", why };
   if (["standing", "stopping", "driving"].includes(status.state) && weakness(live))
     return { state: "waiting", words: "slow network", why: "The network is too slow to drive." };
-  return { state: status.state, words: STATES[status.state] ?? status.state, why };
+  return { state: status.state, words: status.state === "estopped" ? "emergency stop" : status.state, why };
 }
 
 /** Why no state of the robot is known now, in a word and a sentence; empty if it is. */
@@ -89,5 +87,5 @@ function who(live) {
   const page = control.mine ? "This page" : control.page_driver === null ? "No page" : control.name;
   const { driver, state } = live.sample("status");
   if (!driver || driver === live.newest("hello")?.source) return `${page} ${state === "driving" ? "drives" : "has control"}.`;
-  return driver === MOVES ? `${page} has control; a move drives.` : `${driver} drives.`;
+  return driver === "cmd_vel/moves" ? `${page} has control; a move drives.` : `${driver} drives.`;
 }

@@ -14,9 +14,8 @@ export function obstacle(connection, live) {
   const slow = weakness(live);
   if (slow) return slow;
   if (hello.role !== "driver") return "This phone may watch and stop, not drive.";
-  const daemon = live.newest("daemon");
   // The header has the daemon's own words.
-  if (daemon && !daemon.alive) return "No yahboomd answers. The page waits for it.";
+  if (live.newest("daemon")?.alive === false) return "No yahboomd answers. The page waits for it.";
   const status = live.fresh("status")?.sample;
   if (!status) return "The robot's state is not known now: see above.";
   if (status.wheels === "unknown") return "The wheels may still turn: see above.";
