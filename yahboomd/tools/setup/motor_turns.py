@@ -140,7 +140,8 @@ class ByOutput:
         return judge(
             list(self._turns.values()),
             self._robot.wheels,
-            self._ticks,
+            # A pulse of a slow gear ends as early as with the fastest one.
+            self._robot.description.profile.least_ticks_per_revolution,
             self._plugs,
             by_hand=self._by_hand,
             volts=self._volts,
