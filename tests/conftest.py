@@ -129,7 +129,7 @@ def patience() -> Iterator[None]:
             "yahboomd.core.daemon.estop.latch.LOAD_WITHIN_S",
             "yahboomd.core.daemon.estop.latch.RELEASE_WITHIN_S",
             "yahboomd.core.daemon.estop.latch.SETTLE_S",
-            "yahboomd.core.daemon.estop.local_stop.OPEN_WITHIN_S",
+            "yahboomd.core.link.port_guard.LISTENS_WITHIN_S",
             "yahboomd.core.daemon.logs.FLUSH_S",
             "yahboomd.simulation.virtual_time.REAL_PATIENCE_S",
         ):

@@ -33,9 +33,9 @@ def test_the_path_for_a_reader_is_there_and_can_be_read_in_a_day() -> None:
 
 MOST_CODE = {
     "blackbox": 1265,
-    "cli": 5037,
+    "cli": 5022,
     "client": 1908,
-    "core": 17205,
+    "core": 17151,
     "moves": 2082,
     "ros2": 1255,
     "simulation": 3152,
@@ -69,6 +69,25 @@ def code_lines(source: str) -> int:
 def test_no_door_grows(door: str) -> None:
     files = (ROOT / "yahboomd" / door).rglob("*.py")
     assert sum(code_lines(path.read_text()) for path in files) <= MOST_CODE[door]
+
+
+def naming(what: str) -> set[str]:
+    files = (ROOT / "yahboomd").rglob("*.py")
+    return {
+        path.relative_to(ROOT / "yahboomd").as_posix() for path in files if what in path.read_text()
+    }
+
+
+def test_the_guard_alone_listens_for_local_stops_and_stops_what_its_owner_left() -> None:
+    assert naming("local_socket.bound(") == {"tools/port/local_stops.py"}
+    assert naming("import LocalStops, Request") == {"tools/port/guard.py"}
+    assert naming('"guard.py"') == {"tools/port/charge.py"}
+    # The simulation's console, and the notices of the service manager.
+    assert naming("socket.AF_UNIX") == {
+        *("core/link/local_socket.py", "tools/port/charge.py", "tools/stop/stop_local.py"),
+        *("core/daemon/process.py", "cli/simulate.py"),
+        "simulation/port_link.py",
+    }
 
 
 def test_each_folder_is_a_door() -> None:

@@ -12,15 +12,17 @@ from yahboomd.core.clock import SystemClock
 from yahboomd.core.config import Config
 from yahboomd.core.errors import BoardError, PortLost
 from yahboomd.core.link.line import Line
-from yahboomd.core.link.port import PortOptions, open_port
-from yahboomd.core.link.port_guard import stops_of
+from yahboomd.core.link.port import Port
+from yahboomd.core.link.port_guard import PortGuard, stops_of
 from yahboomd.core.model import NS_PER_S as SECOND_NS
 from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
 from yahboomd.simulation.rosmaster.rosmaster_flash import RosmasterStored
+from yahboomd.tools.port import charge
 from yahboomd.tools.port.guarded import guarded
+from yahboomd.tools.port.own_port import opener_of
 
 
 @pytest.fixture
@@ -32,12 +34,19 @@ def path() -> Iterator[str]:
     os.close(master)
 
 
+async def opened(path: str) -> tuple[Port, PortGuard]:
+    """The port, as a tool opens it, and its guard."""
+    guard = PortGuard(charge.start, renewed=False)
+    guard.begin()
+    return await opener_of(path, Config(), SystemClock(), guard)(), guard
+
+
 async def test_a_port_that_went_away_while_the_wheels_stood_is_not_waited_for(path: str) -> None:
     clock, said = SystemClock(), list[str]()
-    port = await open_port(PortOptions(path=path), clock)
+    port, own = await opened(path)
 
     async def driven() -> None:
-        async with guarded(Line(port, clock), Config(), said.append) as guard:
+        async with guarded(Line(port, clock), said.append) as guard:
             await guard.watch_over(DIALECTS["streamed"])
             guard.mark(True)
             guard.mark(False)
@@ -46,17 +55,17 @@ async def test_a_port_that_went_away_while_the_wheels_stood_is_not_waited_for(pa
     with pytest.raises(PortLost, match="away"):
         await driven()
     port.close()
+    own.end()
     assert said == []
 
 
 async def test_without_the_guard_no_wheel_is_driven(path: str) -> None:
-    clock = SystemClock()
-    port = await open_port(PortOptions(path=path), clock)
-    async with guarded(Line(port, clock), Config(), print) as guard:
+    port, own = await opened(path)
+    async with guarded(Line(port, SystemClock()), print) as guard:
         await guard.watch_over(DIALECTS["streamed"])
         guard.mark(True)
         guard.mark(False)
-        process = guard._guard._process
+        process = own._process
         assert process is not None
         process.kill()
         process.wait()

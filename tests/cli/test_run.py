@@ -3,8 +3,6 @@ from __future__ import annotations
 import os
 import signal
 import socket
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -13,9 +11,6 @@ from real_robot import Process, free_endpoint, wait_for
 
 from yahboomd.cli.main import main
 from yahboomd.core.daemon.service import Daemon
-from yahboomd.core.link import port_note
-from yahboomd.core.link.port_identity import identify
-from yahboomd.core.link.port_note import PortNote
 from yahboomd.tools.stop.unresponsive import process_state
 
 pytestmark = pytest.mark.realtime
@@ -158,36 +153,3 @@ def test_wheels_that_a_crash_left_turning_are_stopped_as_soon_as_their_port_is_t
         second.process.send_signal(signal.SIGTERM)
         second.end_by_itself()
     assert "Traceback" not in second.output
-
-
-@pytest.mark.cases(1)
-@pytest.mark.parametrize("mistake", [True, False])
-def test_a_daemon_that_does_not_start_names_the_board_of_one_that_was_killed(
-    started: Callable[..., Process], tmp_path: Path, mistake: bool
-) -> None:
-    environ = {"RUNTIME_DIRECTORY": str(tmp_path)}
-    gone = subprocess.Popen([sys.executable, "-c", ""])
-    gone.wait()
-    master, slave = os.openpty()
-    note = PortNote(
-        os.ttyname(slave), 115200, True, False, False, identify(os.fstat(slave)), gone.pid
-    )
-    assert port_note.write(note, str(tmp_path))
-    os.close(slave)
-    if mistake:
-        failing = started("--set", "serial.baudrate=fast", **environ)
-    else:
-        started("--port", "/dev/not-there", **environ).says("Listening")
-        failing = started("--port", "/dev/not-there", **environ)
-    assert failing.end_by_itself() == (os.EX_CONFIG if mistake else os.EX_UNAVAILABLE)
-    words = f"A daemon that was killed (pid {gone.pid}) may have left wheels turning at {note.path}"
-    assert words in failing.output
-    assert "yahboomd stop` stops them" in failing.output
-    if mistake:
-        # A daemon of another name has the board now.
-        slave = os.open(note.path, os.O_RDWR | os.O_NOCTTY)
-        failing = started("--set", "serial.baudrate=fast", **environ)
-        assert failing.end_by_itself() == os.EX_CONFIG
-        assert "killed" not in failing.output
-        os.close(slave)
-    os.close(master)

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from real_robot import DRIVER, RealRobot, wait_for
+from real_robot import DRIVER, Client, RealRobot, wait_for
 
 from yahboomd.core.link import port_note
 from yahboomd.core.link.port_errors import holders
@@ -23,6 +23,7 @@ from yahboomd.tools.port.charge import Charge
 from yahboomd.tools.port.guard import Guard
 from yahboomd.tools.port.guard_law import Limits
 from yahboomd.tools.stop import last_stop
+from yahboomd.tools.stop.stop_local import Talk
 from yahboomd.tools.stop.unresponsive import is_guard
 
 KILLED_S = Limits().kill_after / 1000.0
@@ -164,10 +165,82 @@ def test_a_guard_ends_without_the_port_for_the_next_daemon_once_that_is_connecte
     killed, daemon = guarded.daemon, guarded.start_daemon()
     daemon.says("Connected")
     os.kill(guard, signal.SIGCONT)
-    ended = f"yahboomd (pid {daemon.pid}) has {guarded.port} now, and began with"
+    ended = f"(its guard is pid {guards(daemon.pid)[0]}) has {guarded.port} now, and sent its stop"
     wait_for(lambda: ended in killed.output, "the guard leaves the port to it")
     wait_for(lambda: not os.path.exists(f"/proc/{guard}"), "the guard ends")
     assert "Lost" not in daemon.output
+
+
+@pytest.mark.realtime
+def test_the_guard_of_a_mute_board_lends_the_port_and_ends_once_the_next_owner_sent_its_stop(
+    guarded: RealRobot,
+) -> None:
+    killed = guarded.daemon
+    (guard,) = guards(killed.pid)
+    with driven(guarded):
+        assert guarded.do("loss 1") == "ok"
+        killed.process.kill()
+        killed.process.wait()
+    wait_for(lambda: "no board answers" in killed.output, "the guard says what it sees")
+    daemon = guarded.start_daemon()
+    daemon.says("no board answers")
+    # Without a board that answers no stop is known to have been heard.
+    assert os.path.exists(f"/proc/{guard}")
+    assert guarded.do("clear") == "ok"
+    guarded.settled_truth()
+    wait_for(lambda: not os.path.exists(f"/proc/{guard}"), "the guard ends")
+    daemon.says("Connected")
+
+
+@contextmanager
+def asked(folder: Path, request: bytes = b"stop by yahboomd stop") -> Iterator[Talk]:
+    """A request at the guard's socket, whose first line of the answer has come."""
+    talk = Talk(str(folder / "run/stop.sock"), request)
+    talk.read(1, time.monotonic() + 60.0)
+    yield talk
+    talk.close()
+
+
+@pytest.mark.realtime
+def test_a_hung_loop_obeys_the_local_stop_and_has_it_latched_when_it_goes_on(
+    guarded: RealRobot, tmp_path: Path, client: Callable[..., Client]
+) -> None:
+    daemon = guarded.daemon
+    with asked(tmp_path, b"status") as talk:
+        assert (talk.lines[0]["daemon"], talk.lines[0]["pid"]) == ("yahboomd", daemon.pid)
+    with driven(guarded):
+        daemon.process.send_signal(signal.SIGSTOP)
+        with asked(tmp_path) as talk:
+            assert talk.lines[0]["engaged"] is talk.lines[0]["sent"] is True
+            words = f"yahboomd (pid {daemon.pid}) does not answer: its guard sent the stop."
+            assert talk.lines[0]["message"].startswith(words)
+        guarded.settled_truth()
+        daemon.process.send_signal(signal.SIGCONT)
+        app = client("peer", guarded.endpoint)
+        why = app.in_state("estopped")["why"]
+        assert "engaged by `yahboomd stop` (" in why
+        assert guarded.stands()
+    assert (guarded.folder / "estop").exists()
+
+
+@pytest.mark.realtime
+def test_a_stop_that_a_daemon_is_killed_before_it_obeys_is_latched_by_its_guard(
+    guarded: RealRobot, tmp_path: Path
+) -> None:
+    daemon = guarded.daemon
+    (guard,) = guards(daemon.pid)
+    with driven(guarded):
+        assert guarded.do("loss 1") == "ok"
+        daemon.process.kill()
+        daemon.process.wait()
+    with asked(tmp_path) as talk:
+        assert talk.lines[0]["message"].endswith("has ended; its guard stops the wheels.")
+        assert "yahboomd stop" in (guarded.folder / "estop").read_text()
+        assert guarded.do("clear") == "ok"
+        talk.read(2, time.monotonic() + 60.0)
+        assert talk.lines[1]["stood"] is True
+    guarded.settled_truth()
+    wait_for(lambda: not os.path.exists(f"/proc/{guard}"), "the guard ends")
 
 
 @pytest.mark.realtime

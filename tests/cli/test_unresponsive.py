@@ -10,7 +10,6 @@ import pytest
 
 from yahboomd.tools.stop.unresponsive import (
     listener,
-    may_drive,
     process_state,
     restarting,
     true_names,
@@ -51,20 +50,6 @@ def test_a_program_of_python_is_named_yahboomd_where_it_is_one(tmp_path: Path) -
         "held by yahboomd (pid 1), yahboomd (pid 2), python3 (pid 3), python (pid 4), cat (pid 1), "
         "yahboomd tune (pid 5), yahboomd's guard (pid 6)"
     )
-
-
-def test_the_port_on_the_command_line_tells_which_daemon_is_meant(tmp_path: Path) -> None:
-    for pid, words in (
-        (1, ("yahboomd", "run", "--port", "/dev/a")),
-        (2, ("yahboomd", "run", "--set", 'serial.port="/dev/a"')),
-        (3, ("yahboomd", "run", "--config", "robot.toml")),
-    ):
-        (tmp_path / str(pid)).mkdir()
-        (tmp_path / str(pid) / "cmdline").write_text("\0".join(words) + "\0")
-    proc = str(tmp_path)
-    assert [may_drive(pid, "/dev/a", proc=proc) for pid in (1, 2, 3)] == [True, True, True]
-    assert [may_drive(pid, "/dev/b", proc=proc) for pid in (1, 2, 3)] == [False, False, True]
-    assert may_drive(1, "", proc=proc)
 
 
 def test_the_process_that_listens_where_a_daemon_is_expected_is_found() -> None:

@@ -337,41 +337,35 @@ def locked_out(robot: RealRobot) -> Iterator[None]:
 def local_robot(
     tmp_path: Path, real_robot: Callable[..., RealRobot], client: Callable[..., Client]
 ) -> RealRobot:
-    """A robot whose local socket is in a folder of the test's."""
-    robot = real_robot(environ={"RUNTIME_DIRECTORY": str(tmp_path / "run")}, run=UNHURRIED)
+    """A robot whose note of its port is in a folder of the test's."""
+    environ = {"RUNTIME_DIRECTORY": str(tmp_path / "run")}
+    robot = real_robot(environ=environ, run=UNHURRIED)
+    client("client", robot.endpoint).in_state("standing")
+    return robot
+
+
+@pytest.fixture
+def guarded_robot(
+    tmp_path: Path, real_robot: Callable[..., RealRobot], client: Callable[..., Client]
+) -> RealRobot:
+    """The same, with a guard, which has the local socket."""
+    environ = {"RUNTIME_DIRECTORY": str(tmp_path / "run")}
+    robot = real_robot(environ=environ, run=UNHURRIED, guarded=True)
     client("client", robot.endpoint).in_state("standing")
     return robot
 
 
 @pytest.mark.nightly
-def test_a_stop_on_this_machine_needs_no_zenoh_session(local_robot: RealRobot) -> None:
-    with driver(local_robot.endpoint), locked_out(local_robot):
-        driven(local_robot)
-        ran = stop(local_robot)
+def test_a_stop_on_this_machine_needs_no_zenoh_session(guarded_robot: RealRobot) -> None:
+    with driver(guarded_robot.endpoint), locked_out(guarded_robot):
+        driven(guarded_robot)
+        ran = stop(guarded_robot)
         assert ran.process.returncode == 0, ran.output
         # Named by itself, not as a client of the bus.
         assert "yahboomd stop` (" in ran.output
         assert "The wheels stand." in ran.output
         # It is latched: the client goes on commanding.
-        local_robot.settled_truth()
-
-
-@pytest.mark.nightly
-def test_a_frozen_daemon_is_named_with_what_ends_it(local_robot: RealRobot) -> None:
-    pid = local_robot.daemon.process.pid
-    with driver(local_robot.endpoint):
-        driven(local_robot)
-        local_robot.daemon.process.send_signal(signal.SIGSTOP)
-        ran = stop(local_robot)
-        assert ran.process.returncode == 69, ran.output
-        assert f"yahboomd (pid {pid}) is frozen (stopped by a signal, state T)" in ran.output
-        assert f"kill -9 {pid}; " in ran.output
-        assert f"stop --port {local_robot.port}" in ran.output
-        # Obey that advice.
-        local_robot.daemon.end(signal.SIGKILL)
-        ran = stop(local_robot)
-        assert ran.process.returncode == 0, ran.output
-        local_robot.settled_truth()
+        guarded_robot.settled_truth()
 
 
 def named(*robots: RealRobot) -> tuple[str, ...]:
@@ -427,17 +421,17 @@ def test_a_direct_stop_stops_the_killed_daemons_board_and_leaves_a_living_neighb
 
 @pytest.mark.nightly
 def test_a_daemon_with_a_runtime_folder_of_its_own_is_named_with_the_command_that_reaches_it(
-    local_robot: RealRobot, tmp_path: Path
+    guarded_robot: RealRobot, tmp_path: Path
 ) -> None:
     ran = Process("stop", *nowhere(), environ={"RUNTIME_DIRECTORY": str(tmp_path / "other")})
     assert ran.end_by_itself() == 69, ran.output
-    port = os.path.realpath(local_robot.port)
-    assert f"yahboomd (pid {local_robot.daemon.process.pid}) holds {port}" in ran.output
+    port = os.path.realpath(guarded_robot.port)
+    assert f"yahboomd (pid {guarded_robot.daemon.process.pid}) holds {port}" in ran.output
     assert f"RUNTIME_DIRECTORY={tmp_path / 'run'} " in ran.output
     # Obey that advice.
-    ran = Process("stop", "--port", port, environ=local_robot.environ)
+    ran = Process("stop", "--port", port, environ=guarded_robot.environ)
     assert ran.end_by_itself() == 0, ran.output
     # And the next advice.
     again = ran.output.partition("To drive again: ")[2].partition("stop ")[2].split()
-    ran = Process("stop", *again, environ=local_robot.environ)
+    ran = Process("stop", *again, environ=guarded_robot.environ)
     assert ran.end_by_itself() == 0, ran.output

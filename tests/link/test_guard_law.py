@@ -10,6 +10,7 @@ import inspect
 import types
 from collections import deque
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import pytest
@@ -18,7 +19,9 @@ from yahboomd.tools.port import guard_law as guard
 from yahboomd.tools.port.guard_law import Limits
 
 PROMISE = 2
-LIMITS = Limits(repeat=1, late=1, patience=1, surest_after=2, kill_after=4, numbers=2)
+LIMITS = Limits(
+    repeat=1, late=1, patience=1, surest_after=2, kill_after=3, numbers=2, answer=2, lend=2
+)
 LATE = 2 * LIMITS.late + 1
 """The guard is late again when its patience ends."""
 
@@ -26,6 +29,10 @@ STANDS_WITHIN = {
     # The promise, and patience with a guard that woke late.
     "turn": PROMISE + LIMITS.late,
     "runaway": PROMISE + LIMITS.surest_after,
+    # An owner that promises, and does not obey a request.
+    "asked": LIMITS.answer,
+    # The owner is dead.
+    "left": 1,
     # A frozen owner that alone has the port is killed first.
     "locked": PROMISE + LIMITS.kill_after,
 }
@@ -44,6 +51,9 @@ class World(NamedTuple):
         shared: The guard's.
         lock: Who has locked the device: both, guard, foreign or nothing.
         wheels: They stand, turn, or run away, which only the surest stop ends.
+        request: The time that the owner has to engage the emergency stop that a program asked for;
+            None if no program did, or it is engaged.
+        lent: The time that the next owner has to take the port; None if it asked for none.
     """
 
     guard: Any
@@ -57,6 +67,8 @@ class World(NamedTuple):
     wheels: str = "stand"
     hears: bool = True
     plugged: bool = True
+    request: int | None = None
+    lent: int | None = None
 
 
 class Broken(Exception):
@@ -68,6 +80,10 @@ class Explorer:
 
     def __init__(self, machine: Any) -> None:
         self.machine = machine
+        # Events without data are equal tuples.
+        self.step = lru_cache(None)(
+            lambda _kind, event, state: machine.step(state, event, 0, LIMITS)
+        )
         self.worst: dict[str, int] = {}
 
     def explore(self) -> int:
@@ -94,12 +110,17 @@ class Explorer:
             return
         if state.acknowledged and world.owner != "dead" and world.knows != state.stop:
             raise Broken(f"its stop is not acknowledged: {world}")
-        if world.wheels == "stand" or (world.owner == "runs" and state.acknowledged):
+        disobeys = world.owner == "runs" and state.acknowledged
+        if world.wheels == "stand" or (disobeys and world.request is None):
             return
         # From now on nothing is in its way.
         lock = "" if world.lock == "foreign" else world.lock
         world = world._replace(hears=True, plugged=True, lock=lock)
         kind = "locked" if world.own == "good" != world.shared else world.wheels
+        if disobeys and kind == "turn" and world.shared == "good":
+            kind = "asked"
+        elif world.owner == "dead" and world.shared == "good":
+            kind = "left"
         self.worst[kind] = max(self.worst[kind], self.ticks(world, STANDS_WITHIN[kind], 1))
         # However late the guard wakes.
         self.ticks(world, 2 * STANDS_WITHIN[kind], LATE)
@@ -131,6 +152,11 @@ class Explorer:
             yield self.killed(world)
         elif world.guard.owner != "ended":
             yield from self.feed(world, machine.Ended())
+        if world.request is None:
+            yield from self.feed(world._replace(request=LIMITS.answer), machine.Asked())
+        if world.lent is None:
+            lent = LIMITS.lend if world.guard.owner == "ended" else None
+            yield from self.feed(world._replace(lent=lent), machine.Wanted())
         yield world._replace(hears=not world.hears)
         if world.plugged:
             own, shared = (fd and "dead" for fd in (world.own, world.shared))
@@ -148,6 +174,8 @@ class Explorer:
         if world.owner != "runs":
             return
         machine, state = self.machine, world.guard
+        if world.request is not None:
+            yield from self.feed(world._replace(request=None), machine.Obeyed())
         if world.writes:
             yield world._replace(writes=False)
             if world.own == "good" and world.hears:
@@ -158,7 +186,11 @@ class Explorer:
         if world.knows != state.stop:
             told = self.feed(world, machine.Acknowledged(state.stop))
             yield from (each._replace(knows=state.stop) for each in told)
-        elif world.own == world.shared == "good" and world.promise is not None:
+        elif (
+            world.own == world.shared == "good"
+            and world.promise is not None
+            and world.request is None
+        ):
             yield world._replace(writes=True)
         if world.own == world.shared == "good":
             yield from self.feed(world._replace(promise=PROMISE), machine.Renewed(PROMISE))
@@ -178,8 +210,9 @@ class Explorer:
     def feed(self, world: World, event: Any, *, lucky: bool = False) -> list[World]:
         """Let the machine act; the worlds that may follow, or the one where all succeeds."""
         before = world.guard
-        state, actions = self.machine.step(before, event, 0, LIMITS)
-        if world.owner != "dead" and before.acknowledged and not state.acknowledged:
+        state, actions = self.step(type(event), event, before)
+        asked = world.request is not None and world.request <= 0
+        if world.owner != "dead" and before.acknowledged and not (state.acknowledged or asked):
             if world.promise is None or world.promise > 0:
                 raise Broken(f"a kept promise is interrupted: {world}")
             if world.promise < -LIMITS.late and not before.patient:
@@ -199,8 +232,12 @@ class Explorer:
             return [self.stopped(world) if world.wheels == "turn" else world]
         if action == "send surest":
             return [self.stopped(world)]
+        if action in {"look", "open"} and world.lent:
+            raise Broken(f"it takes the port from the next owner: {world}")
         if action == "look":
-            world = self.stopped(world)
+            if world.lock == "foreign":
+                return self.feed(self.stopped(world), machine.Looked(False), lucky=lucky)
+            world = self.stopped(world)._replace(lock="guard")
             stands = world.hears and world.wheels == "stand"
             seen = [machine.Looked(True)] if stands else []
             unseen = [] if lucky and seen else [machine.Looked(False)]
@@ -212,13 +249,23 @@ class Explorer:
             return self.feed(world, machine.Opened(ours), lucky=lucky)
         if action == "close":
             return [self.unlocked(world._replace(shared=""))]
+        if action == "unlock":
+            if world.owner != "dead" or not world.shared:
+                raise Broken(f"it lends what it has not: {world}")
+            return [world if world.lock == "foreign" else world._replace(lock="")]
+        if action == "latch":
+            return self.feed(world._replace(request=None), machine.Latched(), lucky=lucky)
         if action == "kill":
+            if world.promise is None:
+                raise Broken(f"it kills an owner whose wheels stand: {world}")
             return [self.killed(world)]
         if action == "end":
             if world.owner != "dead":
                 raise Broken(f"it leaves its owner alone: {world}")
             if world.wheels != "stand" and world.lock != "foreign":
                 raise Broken(f"it ends beside turning wheels: {world}")
+            if world.request is not None:
+                raise Broken(f"it ends without the emergency stop that was asked for: {world}")
             return [world._replace(guard=None)]
         assert action == "answer"
         return [world]
@@ -234,21 +281,36 @@ class Explorer:
         return world._replace(lock="" if world.lock != "foreign" and not held else world.lock)
 
     def later(self, world: World, time: int) -> World:
-        state = world.guard
-        due = None if state.due is None else state.due - time
-        moved = state._replace(until=state.until - time, since=state.since - time, due=due)
         promise = None if world.promise is None else max(-LATE, world.promise - time)
-        return world._replace(guard=moved, promise=promise)
+        request, lent = (t and max(0, t - time) for t in (world.request, world.lent))
+        moved = later(world.guard, time)
+        return world._replace(guard=moved, promise=promise, request=request, lent=lent or None)
 
     def settled(self, world: World) -> World:
         """The same without differences that mean nothing."""
-        state = world.guard
-        if state is None:
-            return world
-        until = max(-LATE, state.until) if state.turning else 0
-        since = 0 if state.acknowledged else max(-LIMITS.kill_after, state.since)
-        due = None if state.due is None else max(-LATE, state.due)
-        return world._replace(guard=state._replace(until=until, since=since, due=due))
+        state = world.guard and settled(world.guard)
+        return world if state is world.guard else world._replace(guard=state)
+
+
+@lru_cache(None)
+def later(state: Any, time: int) -> Any:
+    """The state of a guard, some time later."""
+    due, asked, lent = (
+        None if t is None else t - time for t in (state.due, state.asked, state.lent)
+    )
+    return state._replace(
+        until=state.until - time, since=state.since - time, due=due, asked=asked, lent=lent
+    )
+
+
+@lru_cache(None)
+def settled(state: Any) -> Any:
+    """The state without differences that mean nothing."""
+    until = max(-LATE, state.until) if state.turning else 0
+    since = 0 if state.acknowledged else max(-LIMITS.kill_after, state.since)
+    due = None if state.due is None else max(-LATE, state.due)
+    asked, lent = (time and max(0, time) for time in (state.asked, state.lent))
+    return state._replace(until=until, since=since, due=due, asked=asked, lent=lent)
 
 
 def test_wheels_stand_in_time_and_the_guard_ends_beside_standing_wheels() -> None:
@@ -261,14 +323,16 @@ def test_wheels_stand_in_time_and_the_guard_ends_beside_standing_wheels() -> Non
 @pytest.mark.parametrize(
     ("rule", "without"),
     [
-        ("state.until if state.turning else None", "None"),
+        ("promised = state.until if state.turning else None", "promised = None"),
+        ("(promised, state.asked)", "(promised,)"),
         ("turning=True, until=until", "turning=True, until=now"),
         ("state._replace(turning=False)", "state"),
-        ("if not state.acknowledged:\n        return state", "if False:\n        return state"),
+        ("if not state.acknowledged or state.owner", "if False or state.owner"),
         ("if stop != state.stop:", "if False:"),
         ('_replace(holds=False), ("close", "answer")', '_replace(holds=False), ("answer",)'),
         ('_replace(holds=True), ("answer",)', '_replace(holds=False), ("answer",)'),
-        ('return state._replace(holds=False), ("close",)', "return state, ()"),
+        ('_replace(holds=False), ("close", *_latch(state))', "_replace(), ()"),
+        ('_replace(holds=False), ("close", *_latch(state))', '_replace(holds=False), ("close",)'),
         ("state = state._replace(holds=ours)", "state = state._replace(holds=True)"),
         ("return state._replace(due=due)", "return state._replace(due=None)"),
         ("if stand:", "if True:"),
@@ -278,13 +342,24 @@ def test_wheels_stand_in_time_and_the_guard_ends_beside_standing_wheels() -> Non
         ),
         ("if not state.turning:", "if True:"),
         ("if state.due is None or now < state.due:", "if state.due is None:"),
-        ('("look",) if state.holds else ("open",)', '("look",)'),
-        ("if now - state.due > limits.late and not state.patient:", "if False:"),
-        ("> limits.late and not state.patient:", "> limits.late:"),
+        ('("look",) if state.holds else ("open",)\n    if', '("look",)\n    if'),
+        ("if now - state.due > limits.late and not state.patient and not asked:", "if False:"),
+        ("> limits.late and not state.patient and not asked:", "> limits.late and not asked:"),
+        ("and not state.patient and not asked:", "and not state.patient:"),
         ("acknowledged=False, since=now", "since=now"),
         ("if overdue >= limits.surest_after", "if False"),
         ("if overdue >= limits.kill_after and", "if False and"),
+        ("limits.kill_after and state.turning and", "limits.kill_after and"),
         ("again = state._replace(due=now + limits.repeat)", "again = state._replace(due=None)"),
+        ("now + limits.answer if state.asked is None else state.asked", "now"),
+        ("_awaiting(state), _latch(state)", "_awaiting(state), ()"),
+        ("_awaiting(state._replace(asked=None)), ()", "_awaiting(state), ()"),
+        ('return state, (*latch, "close", "end")', 'return state, ("close", "end")'),
+        ('("unlock",) if state.holds else ()', '("unlock",)'),
+        ("if state.lent is not None and now < state.lent:", "if False:"),
+        ("now < state.lent:", "True:"),
+        ('("send surest",) if state.holds else ()', "()"),
+        ('if state.owner != "ended":\n                return', "if False:\n                return"),
     ],
 )
 def test_without_any_one_rule_a_law_is_broken(rule: str, without: str) -> None:

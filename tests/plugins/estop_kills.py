@@ -9,7 +9,6 @@ import contextlib
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -26,7 +25,7 @@ from simulated_board import SimulatedBoard
 from truth_tail import Truth, Wire, is_stop
 from zenoh_fixtures import free_endpoint
 
-WAYS = ("the answer to a query", "the state", "the event", "the local socket")
+WAYS = ("the answer to a query", "the state", "the event")
 """The ways to learn that the robot stops."""
 
 KILLED_WITHIN_S = 0.004
@@ -59,7 +58,7 @@ class KillableRobot:
         )
         self._wire, self._truth = Wire(heard), Truth(self._board.truth_path)
         self._random = Random(seed)
-        self._latch, self._socket = folder / "estop", folder / "stop.sock"
+        self._latch = folder / "estop"
         ours = free_endpoint()
         config = zenoh.Config()
         config.insert_json5("mode", '"peer"')
@@ -157,11 +156,6 @@ class KillableRobot:
             assert reply.ok is not None
             answer: dict[str, Any] = json.loads(bytes(reply.ok.payload))
             assert answer["success"], answer
-        elif way == "the local socket":
-            with socket.socket(socket.AF_UNIX) as asking:
-                asking.connect(str(self._socket))
-                asking.sendall(b"stop\n")
-                assert json.loads(asking.makefile().readline())["sent"]
         else:
             self._session.put(
                 "yahboomd/estop", b"", congestion_control=zenoh.CongestionControl.BLOCK

@@ -212,7 +212,9 @@ def _report(
 
 def _with_daemons(error: YahboomdError) -> YahboomdError:
     """The same error, with the daemons of this machine: one of them may have the board."""
-    found = [robot for robot in stop_local.find(os.environ) if not robot.silent]
+    found = [
+        robot for robot in stop_local.find(os.environ) if not robot.silent and not robot.command
+    ]
     return type(error)(error.message, remedy=stop_local.there(found, "probe") or error.remedy)
 
 

@@ -12,7 +12,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from yahboomd.cli.shared_options import add_config_options, add_port_option, read_config
-from yahboomd.core.errors import BusConfigError, BusError, YahboomdError
+from yahboomd.core.errors import BusConfigError, BusError
 from yahboomd.tools.port import charge
 from yahboomd.tools.stop.last_stop import say
 from yahboomd.tools.stop.unresponsive import FROZEN, is_yahboomd, process_state
@@ -71,9 +71,6 @@ def run(args: argparse.Namespace) -> int:
     guard = None if args.no_guard else _start_guard()
     try:
         return _serve(args, guard)
-    except YahboomdError:
-        _warn_of_killed()
-        raise
     finally:
         if guard is not None:
             guard.end()
@@ -153,20 +150,6 @@ def _start_guard() -> PortGuard | None:
         )
         return None
     return guard
-
-
-def _warn_of_killed() -> None:
-    """Name the ports of killed daemons, because a daemon that does not start stops no wheels."""
-    from yahboomd.core.link.port_errors import holders
-    from yahboomd.tools.stop.stop_local import DaemonChoice, notes
-    from yahboomd.tools.stop.stop_port import warn
-
-    for note in notes(os.environ, DaemonChoice(), ()):
-        if os.path.exists(note.path) and not (process_state(note.pid) or holders(note.path)):
-            warn(
-                f"A daemon that was killed (pid {note.pid}) may have left wheels turning at "
-                f"{note.path}, and this one does not start: `yahboomd stop` stops them."
-            )
 
 
 def _explained(error: BusError, config: Config) -> BusError:

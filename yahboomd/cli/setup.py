@@ -90,8 +90,10 @@ def run(args: argparse.Namespace) -> int:
     from yahboomd.cli.attended import until_signal
     from yahboomd.core.clock import SystemClock
     from yahboomd.core.daemon.process import deadly
+    from yahboomd.core.link.port_guard import PortGuard
+    from yahboomd.tools.port import charge
+    from yahboomd.tools.port.guarded import ended_by_stops
     from yahboomd.tools.port.own_port import opener_of, with_hints
-    from yahboomd.tools.port.stop_socket import stop_socket
     from yahboomd.tools.setup.outcome import next_steps, result
     from yahboomd.tools.setup.robot_file import as_toml, write_robot
     from yahboomd.tools.setup.setup_wizard import Wizard
@@ -105,13 +107,12 @@ def run(args: argparse.Namespace) -> int:
     port = ""
 
     async def work() -> int:
-        clock, person = SystemClock(), Terminal()
-        wizard = Wizard(
-            person, given, config, port=port, opener=opener_of(port, config, clock), clock=clock
-        )
+        clock, person, guard = SystemClock(), Terminal(), PortGuard(charge.start, renewed=False)
+        opener = opener_of(port, config, clock, guard)
+        wizard = Wizard(person, given, config, port=port, opener=opener, clock=clock)
         with contextlib.redirect_stdout(sys.stderr):
             overwrite = args.overwrite or (there and await may_overwrite(person, path))
-            async with stop_socket("setup", port, os.environ):
+            async with ended_by_stops(guard, "setup", port, os.environ, clock):
                 found = await wizard.find(by_hand=args.by_hand)
         write_robot(
             path,

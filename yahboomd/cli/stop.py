@@ -28,12 +28,10 @@ from yahboomd.tools.stop.stop_advice import (
     not_released,
     silent,
     unreached,
-    warn_of_suspended,
 )
 from yahboomd.tools.stop.stop_port import (
     port_of,
     print_report,
-    seize_measured_ports,
     seize_named,
     seize_noted,
     seize_noted_ports,
@@ -122,7 +120,7 @@ def _release(args: argparse.Namespace) -> int:
 
     config = read_config(args).config
     endpoints = daemon_endpoints(args, config)
-    found = find(os.environ)
+    found = [robot for robot in find(os.environ) if not robot.command]
     try:
         words = release(endpoints, config, port=args.port or "")
     except NoDaemon as error:
@@ -234,8 +232,6 @@ def _everywhere(args: argparse.Namespace) -> bool:
     if not first:
         config = config or _configuration(args)
         seized, trouble = _try_port(args, config)
-        if local.wanted == type(local.wanted)():
-            seized += seize_measured_ports(config)
     config = config or _configuration(args)
     of_the_dead = _seize_noted(local)
     endpoints = daemon_endpoints(args, config)
@@ -270,17 +266,13 @@ def _everywhere(args: argparse.Namespace) -> bool:
         verdicts.append(_report_busy(args, config, endpoints))
     if verdicts:
         troubles = [str(silent(robot, _asked(args))) for robot in local.silent]
-        warn_of_suspended(local, _asked(args))
         if local.wanted == type(local.wanted)():
             troubles += unreached(local, endpoints if answer is not None else ())
         for words in troubles:
             warn(words)
         return all(verdicts) and not troubles and not doubted
-    suspects = local.silent
-    if not isinstance(trouble, PortBusy):
-        suspects += local.unknown
-    if suspects:
-        raise silent(suspects[0], _asked(args))
+    if local.silent:
+        raise silent(local.silent[0], _asked(args))
     if not isinstance(trouble, PortBusy):
         if doubted:
             return False

@@ -26,7 +26,9 @@ from yahboomd.core.errors import LinkError, Refused, YahboomdError
 from yahboomd.core.program import readable
 
 if TYPE_CHECKING:
+    from yahboomd.core.clock import Clock
     from yahboomd.core.config import Config
+    from yahboomd.core.link.port_guard import PortGuard
     from yahboomd.core.protocol.dialect import Dialect
     from yahboomd.core.protocol.settings import BoardSettings
     from yahboomd.tools.tune.procedure import Procedure
@@ -113,6 +115,8 @@ def run(args: argparse.Namespace) -> int:
     loaded = read_config(args)
     config = loaded.config
     from yahboomd.core.clock import SystemClock
+    from yahboomd.core.link.port_guard import PortGuard
+    from yahboomd.tools.port import charge
     from yahboomd.tools.port.own_port import opener_of, refuse_estop, with_hints
     from yahboomd.tools.stop.port_search import find_port
     from yahboomd.tools.tune.saved import saved_path
@@ -122,30 +126,34 @@ def run(args: argparse.Namespace) -> int:
     try:
         port = find_port(config)
         refuse_estop(port, config, os.environ)
-        clock = SystemClock()
+        clock, guard = SystemClock(), PortGuard(charge.start, renewed=False)
         tuning = TuneCommand(args, config, port, place)
-        opener = opener_of(port, config, clock)
+        opener = opener_of(port, config, clock, guard)
         if args.undo:
             from yahboomd.tools.tune.undo import undo
 
-            return _ended_by_signals(lambda: undo(opener, clock, place, as_json=args.json), tuning)
+            return _ended_by_signals(
+                lambda: undo(opener, clock, place, as_json=args.json), tuning, guard, clock
+            )
         from yahboomd.tools.tune.procedure import Procedure
 
         procedure = Procedure(opener, clock, config, speed_m_s=args.speed, say=tuning.say)
         procedure.result.port = port
-        return _ended_by_signals(lambda: tuning.tune(procedure), tuning)
+        return _ended_by_signals(lambda: tuning.tune(procedure), tuning, guard, clock)
     except LinkError as error:
         raise (with_hints(error, port) if port else error) from error
 
 
-def _ended_by_signals(work: Callable[[], Awaitable[int]], tuning: TuneCommand) -> int:
+def _ended_by_signals(
+    work: Callable[[], Awaitable[int]], tuning: TuneCommand, guard: PortGuard, clock: Clock
+) -> int:
     """Run it; a signal ends it, and the wheels are brought to rest on the way."""
     from yahboomd.cli.attended import until_signal
-    from yahboomd.tools.port.stop_socket import stop_socket
+    from yahboomd.tools.port.guarded import ended_by_stops
 
     async def attended() -> int:
         async def reached_by_stops() -> int:
-            async with stop_socket("tune", tuning.port, os.environ):
+            async with ended_by_stops(guard, "tune", tuning.port, os.environ, clock):
                 return await work()
 
         status = await until_signal(reached_by_stops(), ENDINGS)

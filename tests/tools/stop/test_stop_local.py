@@ -5,21 +5,21 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
+import json
 import os
 import socket
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from yahboomd.cli import stop
-from yahboomd.core.daemon.estop.local_stop import LocalStop
-from yahboomd.core.messages.native import ServiceReply
+from yahboomd.tools.port.local_stops import LocalStops
 from yahboomd.tools.stop import stop_local
 from yahboomd.tools.stop.stop_local import (
     DaemonChoice,
     LocalDaemon,
-    LocalStops,
     find,
     holds,
     sockets,
@@ -35,31 +35,27 @@ SILENT = LocalDaemon("/run/b", 2, silent=True)
 
 
 class Daemon:
-    """A daemon's local socket, whose wheels stand from the stop on."""
+    """A guard's socket, whose daemon has standing wheels from the stop on."""
 
     def __init__(self, folder: Path, namespace: str, speed: float | None) -> None:
-        self.namespace = namespace
         self.stops = 0
-        self.local = LocalStop(
-            folder,
-            engage=self._engage,
-            acknowledged=self._acknowledged,
-            facts=lambda: {"daemon": "yahboomd", "namespace": namespace, "why": "No board."},
-        )
-        self._speed = speed
+        self._local = LocalStops()
+        self._local.facts = json.dumps({"daemon": "yahboomd", "namespace": namespace}).encode()
+        self._local.listen(str(folder), "stop")
+        stood = None if speed is None else speed == 0.0
+        self._seen = json.dumps({"stood": stood, "fastest_m_s": speed}).encode()
+        asyncio.get_running_loop().add_reader(self._local, self._serve)
 
-    def _engage(self, by: str) -> str:
-        self.stops += 1
-        if self._speed is not None:
-            asyncio.get_running_loop().call_later(0.05, self._read)
-        return f"Engaged by {by}."
+    def _serve(self) -> None:
+        for request in self._local.take():
+            self.stops += 1
+            line = {"engaged": True, "sent": True, "message": f"Engaged by {request.by}."}
+            self._local.answer(request.number, json.dumps(line).encode())
+            self._local.finish(request.number, self._seen)
 
-    def _read(self) -> None:
-        for stamp_ns in (0, 15_000_000, 30_000_000):
-            self.local.observe(stamp_ns, (self._speed or 0.0,))
-
-    async def _acknowledged(self, words: str) -> ServiceReply:
-        return ServiceReply(success=True, message=words)
+    def close(self) -> None:
+        asyncio.get_running_loop().remove_reader(self._local)
+        self._local.close()
 
 
 @pytest.fixture
@@ -79,17 +75,16 @@ async def daemon(tmp_path: Path) -> AsyncIterator[Callable[..., object]]:
 
     async def make(namespace: str = "", *, speed: float | None = 0.0) -> Daemon:
         made.append(Daemon(tmp_path / "own", namespace, speed))
-        await made[-1].local.open()
         return made[-1]
 
     yield make
     for each in made:
-        each.local.close()
+        each.close()
     await asyncio.sleep(0)
 
 
-async def stopped(wanted: DaemonChoice, environ: dict[str, str]) -> tuple[LocalStops, list[tuple]]:
-    stops = LocalStops()
+async def stopped(wanted: DaemonChoice, environ: dict[str, str]) -> tuple[Any, list[tuple]]:
+    stops = stop_local.LocalStops()
 
     def work() -> list[tuple]:
         stops.engage(wanted, find(environ))
@@ -119,7 +114,7 @@ async def test_a_variable_that_names_no_robot_leaves_no_daemon_out(
     monkeypatch.setenv("YAHBOOMD_LOG__LEVEL", "error")
     monkeypatch.setenv("YAHBOOMD_OF_ANOTHER_PROGRAM", "1")
     args = argparse.Namespace(port=None, namespace=None, config=None, overrides=[])
-    stops = LocalStops()
+    stops = stop_local.LocalStops()
     await asyncio.to_thread(stop._stop_locally, args, stops)
     await asyncio.to_thread(stops.outcomes)
     assert made.stops == 1
@@ -139,9 +134,6 @@ async def test_one_that_is_not_named_is_left_alone(daemon, environ) -> None:
 async def test_wheels_that_do_not_stand_are_not_said_to(
     daemon, environ, monkeypatch: pytest.MonkeyPatch, speed: float | None, words: str
 ) -> None:
-    from yahboomd.core.daemon.estop import local_stop
-
-    monkeypatch.setattr(local_stop, "STAND_WITHIN_S", 0.2)
     await daemon(speed=speed)
     _, ((_, stood, said),) = await stopped(DaemonChoice(), environ)
     assert not stood
@@ -176,30 +168,14 @@ async def test_one_that_does_not_answer_holds_up_no_other_and_has_the_stop_as_it
         assert requests == [b"status\n", stop_local.STOP]
 
 
-async def test_one_that_was_too_busy_to_answer_and_stops_is_known_by_its_name(
-    daemon, environ
-) -> None:
-    await daemon("bot1")
-    stops = LocalStops()
-
-    def work() -> list[LocalDaemon]:
-        stops.engage(
-            DaemonChoice(), [LocalDaemon(each.socket, each.pid, True) for each in find(environ)]
-        )
-        return [each.robot for each in stops.outcomes()]
-
-    (robot,) = await asyncio.to_thread(work)
-    assert (robot.namespace, robot.silent) == ("bot1", False)
-
-
 async def test_one_that_does_not_answer_and_may_be_another_is_left_alone(
     environ, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(stop_local, "STATUS_WITHIN_S", 0.5)
     with frozen(tmp_path / "own"):
         stops, outcomes = await stopped(DaemonChoice(namespace="bot1"), environ)
-    assert (outcomes, stops.silent, stops.others) == ([], [], [])
-    assert len(stops.unknown) == 1
+    assert (outcomes, stops.silent) == ([], [])
+    assert len(stops.others) == 1
 
 
 async def test_a_file_that_a_killed_daemon_left_is_no_daemon(environ, tmp_path: Path) -> None:
@@ -210,9 +186,7 @@ async def test_a_file_that_a_killed_daemon_left_is_no_daemon(environ, tmp_path: 
 async def test_a_refused_user_finds_no_daemon(
     daemon, environ, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from yahboomd.core.daemon.estop.local_socket import Listening
-
-    monkeypatch.setattr(Listening, "may_use", lambda *_: False)
+    monkeypatch.setattr(LocalStops, "may_use", lambda *_: False)
     refusing = await daemon()
     assert await asyncio.to_thread(find, environ) == []
     assert refusing.stops == 0
@@ -264,7 +238,7 @@ def test_a_process_is_known_by_the_port_that_it_has_open() -> None:
         assert holds(os.getpid(), os.ttyname(near))
         assert not holds(os.getpid(), "/dev/tty0")
         assert not holds(os.getpid(), "/nonexistent")
-        assert DaemonChoice(port=os.ttyname(near)).fits(SILENT._replace(pid=os.getpid()))
+        assert DaemonChoice(port=os.ttyname(near)).fits(SILENT._replace(guard=os.getpid()))
     finally:
         os.close(far)
         os.close(near)

@@ -15,13 +15,14 @@ from yahboomd.core.config import Config, runtime_folder
 from yahboomd.core.daemon.estop.latch import EstopLatch
 from yahboomd.core.daemon.estop.latch_file import LatchFile
 from yahboomd.core.daemon.fit import BLIND_S, ControlOptions
-from yahboomd.core.daemon.folder import check_folder
+from yahboomd.core.daemon.folder import prepare_folder
 from yahboomd.core.daemon.supervisor import storing_opener
 from yahboomd.core.drive.arbiter import Arbiter
+from yahboomd.core.errors import PortBusy
 from yahboomd.core.link import port_note
 from yahboomd.core.link.connected_board import Listener
 from yahboomd.core.link.discovery import candidates, find
-from yahboomd.core.link.port import Opener, Port, PortOptions, open_port
+from yahboomd.core.link.port import Opener, Port, PortOptions, SerialPort, open_port
 from yahboomd.core.link.port_guard import PortGuard
 from yahboomd.core.link.port_note import PortNote
 from yahboomd.core.link.session import Session, SessionOptions
@@ -123,20 +124,25 @@ def opener(
             hangup_on_close=serial.hangup_on_close,
         )
 
+    async def taken(path: str) -> SerialPort:
+        try:
+            return await open_port(options_of(path), clock)
+        except PortBusy:
+            if guard is not None:
+                guard.want(path)
+            raise
+
     async def open_it() -> Port:
         nonlocal noting, said
         if guard is not None:
             guard.close_port()
         found = candidates() if not serial.port else ()
-        path, words = await find(
-            serial.port, found, lambda each: open_port(options_of(each), clock), clock
-        )
+        path, words = await find(serial.port, found, taken, clock)
         if words not in {"", said}:
             said = words
             log.info("%s", words)
-        options = options_of(path)
-        port = await open_port(options, clock)
-        note = port.share(guard or PortGuard(), options)
+        port = await taken(path)
+        note = port.share(guard or PortGuard(), options_of(path))
         if environ is not None and (noting is None or not noting.is_alive()):
             # A disk that hangs holds up no stop, and one thread at most.
             noting = threading.Thread(
@@ -158,7 +164,7 @@ def _note(note: PortNote, config: Config, environ: Mapping[str, str]) -> None:
     zenoh = config.zenoh
     note = note._replace(namespace=zenoh.namespace, listen=tuple(zenoh.listen))
     try:
-        check_folder(folder)
+        prepare_folder(folder)
     except OSError:
         # It is another user's.
         return

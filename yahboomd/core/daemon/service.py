@@ -10,6 +10,8 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any, NoReturn
 
+import msgspec
+
 from yahboomd.core.bus import keys
 from yahboomd.core.bus.bus import Bus
 from yahboomd.core.bus.publishers import BusPublisher
@@ -20,7 +22,7 @@ from yahboomd.core.daemon.black_box import NAME, KeptBox, MakesBlackBox, NoBlack
 from yahboomd.core.daemon.bus_presence import BusPresence
 from yahboomd.core.daemon.commands import ClockWatch, CommandIntake, PoseIntake
 from yahboomd.core.daemon.control import Controller
-from yahboomd.core.daemon.estop.local_stop import LocalStop
+from yahboomd.core.daemon.local_requests import LocalRequests
 from yahboomd.core.daemon.planes import Plane, PlaneRequests, Planes
 from yahboomd.core.daemon.process import Notifier, Signals, open_bus
 from yahboomd.core.daemon.publisher import PUBLISHED, Publisher
@@ -32,8 +34,9 @@ from yahboomd.core.daemon.supervisor import Supervisor
 from yahboomd.core.drive import standing
 from yahboomd.core.errors import BusError, YahboomdError
 from yahboomd.core.link import port_note
+from yahboomd.core.link.guard_words import STOP_SOCKET, Listening
 from yahboomd.core.link.port import Opener
-from yahboomd.core.link.port_guard import PortGuard
+from yahboomd.core.link.port_guard import NO_SOCKET, PortGuard
 from yahboomd.core.link.takeover import take_over
 from yahboomd.core.messages.codecs import encoding_name
 from yahboomd.core.model import Event, ImuEstimate, OdometryEstimate
@@ -41,6 +44,8 @@ from yahboomd.core.model import Event, ImuEstimate, OdometryEstimate
 log = logging.getLogger(__name__)
 
 STATUS_EVERY_S = 0.5
+
+LOCAL_FACTS = "The status at the local socket"
 
 
 class Daemon:
@@ -199,12 +204,7 @@ class Daemon:
             controller.unavailable,
         )
         operator = Operator(clock, controller=controller, arbiter=arbiter, latch=latch)
-        local = self._local = LocalStop(
-            runtime_folder(self._environ, user_id=os.getuid()),
-            engage=operator.engage_estop,
-            acknowledged=operator.acknowledged,
-            facts=lambda: self._identity(supervisor),
-        )
+        local = LocalRequests(self._guard, clock, operator=operator, controller=controller)
         status = Status(
             clock,
             controller=controller,
@@ -224,7 +224,12 @@ class Daemon:
             save_box=box.save_now,
         )
         # The e-stop is there before anything can be commanded.
-        await local.open()
+        latch_path = config.latch_path(self._environ, user_id=os.getuid())
+        folder = runtime_folder(self._environ, user_id=os.getuid())
+        listening = Listening(str(folder), STOP_SOCKET, str(latch_path.absolute()))
+        recorders.call(LOCAL_FACTS, self._show_facts, supervisor)
+        if not await self._guard.listen(listening, local.engage, clock):
+            log.info("No local socket: %s", NO_SOCKET)
         services.serve(bus, config.estop.groups)
         for source in config.command.sources:
             bus.subscribe(source, intake.handler(source), keep_oversize=True)
@@ -264,7 +269,7 @@ class Daemon:
             board = tasks.create_task(supervisor.run(), name="supervisor")
             others: list[asyncio.Task[Any]] = [
                 tasks.create_task(self._control(controller, notifier), name="control"),
-                tasks.create_task(self._report_status(status, notifier), name="status"),
+                tasks.create_task(self._report_status(status, supervisor, notifier), name="status"),
                 tasks.create_task(self._callback_failed.wait(), name="callback"),
             ]
             asked = tasks.create_task(self._stop.wait(), name="stop")
@@ -316,7 +321,9 @@ class Daemon:
 
         await controller.run(feed)
 
-    async def _report_status(self, status: Status, notifier: Notifier) -> None:
+    async def _report_status(
+        self, status: Status, supervisor: Supervisor, notifier: Notifier
+    ) -> None:
         alarm = self._clock.alarm(self._status_due.set)
         try:
             while True:
@@ -329,19 +336,23 @@ class Daemon:
                     words = f"{sample.state}: {sample.why}"
                     call("The status for the service manager", notifier.status, words)
                 call("The watch on senders' clocks", self._clocks.report, self._clock.now_ns())
-                self._latch.restore_file(self._clock.now_ns())
+                call(LOCAL_FACTS, self._show_facts, supervisor)
+                if self._latch.restore_file(self._clock.now_ns()):
+                    self._guard.look_after_socket()
                 alarm.set(self._clock.now_ns() + nanoseconds(STATUS_EVERY_S))
                 self._status_due.clear()
                 await self._status_due.wait()
         finally:
             alarm.close()
 
-    def _identity(self, supervisor: Supervisor) -> dict[str, Any]:
+    def _show_facts(self, supervisor: Supervisor) -> None:
+        """Tell programs of this machine which robot this is."""
         session, configured = supervisor.session, self._config.serial.port
         ports = (configured, "" if session is None else session.port_name)
         state, reasons = self._controller.state()
-        return {
+        facts = {
             "daemon": "yahboomd",
+            "pid": os.getpid(),
             "namespace": self._config.zenoh.namespace,
             "ports": [port for port in dict.fromkeys(ports) if port],
             "listen": list(self._config.zenoh.listen),
@@ -349,11 +360,11 @@ class Daemon:
             "state": state,
             "why": standing.why(reasons),
         }
+        self._guard.show(msgspec.json.encode(facts))
 
     # Callbacks of the control path (`publisher.Outputs`).
 
     def estimate(self, estimate: OdometryEstimate, command_m_s: tuple[float, ...]) -> None:
-        self._local.observe(estimate.stamp_ns, estimate.motor_speed_m_s)
         publish, call = self._publisher, self._recorders.call
         stamp_ns = call("The pose on the bus", publish.estimate, estimate, command_m_s)
         if stamp_ns is not None:

@@ -163,7 +163,11 @@ class _Serial(serial.Serial):
 
 
 class SerialPort(asyncio.Protocol):
-    """A real port (a pty counts as one). Made by :func:`open_port` and :func:`adopt`."""
+    """A real port (a pty counts as one). Made by :func:`open_port` and :func:`adopt`.
+
+    Attributes:
+        guard: The guard that shares it.
+    """
 
     def __init__(self, device: _Serial, path: str, clock: Clock) -> None:
         self._device = device
@@ -173,7 +177,7 @@ class SerialPort(asyncio.Protocol):
         self._on_lost: Callable[[Exception | None], None] = lambda _error: None
         self._lost = False
         self._spilled = False
-        self._guard: PortGuard | None = None
+        self.guard: PortGuard | None = None
         self._fd: int = device.fileno()
         self.name = path
         self.byte_ns = byte_time_ns(device.baudrate)
@@ -207,7 +211,7 @@ class SerialPort(asyncio.Protocol):
         """
         device = identify(os.fstat(self._fd))
         note = PortNote(**msgspec.structs.asdict(options), device=device, pid=os.getpid())
-        self._guard = guard
+        self.guard = guard
         guard.share(self, note)
         return note
 
@@ -271,8 +275,8 @@ class SerialPort(asyncio.Protocol):
         self._on_lost = lambda _error: None
         self._lost = True
         self._abort()
-        if self._guard is not None:
-            self._guard.close_port()
+        if self.guard is not None:
+            self.guard.close_port()
         # The transport would do it in the loop's next iteration: a process that opens the port at
         # once must not find it held by us.
         self._device.close()

@@ -13,14 +13,17 @@ What the two say is in :mod:`~yahboomd.core.link.guard_words`.
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import fcntl
+import json
 import logging
 import os
 import select
 import socket
 import subprocess
 import termios
+from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
@@ -58,6 +61,11 @@ NS_PER_MS = 1_000_000
 SEEN_MS = 500
 """The period at which a guard is seen to be there."""
 
+LISTENS_WITHIN_S = 2.0
+"""A disk may hang."""
+
+NO_SOCKET = "`yahboomd stop` reaches this process over the bus alone."
+
 StartGuard = Callable[[int], tuple["subprocess.Popen[bytes]", socket.socket]]
 
 
@@ -86,6 +94,9 @@ class PortGuard:
     Args:
         start: Starts the process on the promise's memory; returns it with a socket for packets.
         renewed: Start another one in place of a guard that ended or does not answer.
+
+    Attributes:
+        socket: The path of the socket for local stops; empty for none, None while it is not known.
     """
 
     def __init__(self, start: StartGuard | None = None, *, renewed: bool = True) -> None:
@@ -100,7 +111,13 @@ class PortGuard:
         self._note: PortNote | None = None
         self._resync = self._stop = b""
         self._closed_after = 0
-        self._answered = False
+        self._answered = self._ended = False
+        self._answers: deque[bytes] = deque()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._listening: words.Listening | None = None
+        self._on_stop: Callable[[int, str], None] = lambda _number, _by: None
+        self._facts = b""
+        self.socket: str | None = None
 
     def begin(self) -> None:
         """Start the process.
@@ -115,6 +132,9 @@ class PortGuard:
             self._promise = Promise(self._memory)
         self._process, self._channel = self._start(self._memory)
         self._channel.setblocking(False)
+        self._answers.clear()
+        self._ended = False
+        self._watch()
 
     @property
     def gone(self) -> bool:
@@ -180,11 +200,11 @@ class PortGuard:
         poll = select.poll()
         poll.register(channel, select.POLLIN)
         within_s = CLOSES_WITHIN_S if self._answered else STARTS_WITHIN_S
-        while poll.poll(1000.0 * within_s) and (answer := self._answer()):
-            if answer == words.CLOSED:
-                self._answered = True
-                return True
-        return False
+        while (answer := self._answer()) != words.CLOSED:
+            if answer == b"" or (answer is None and not poll.poll(1000.0 * within_s)):
+                return False
+        self._answered = True
+        return True
 
     # The wheels.
 
@@ -197,6 +217,11 @@ class PortGuard:
         if promise is None:
             return
         before, promise.until_ms = promise.until_ms, until_ms
+        if promise.asked != promise.obeyed:
+            # Its message may have found no room.
+            self._read()
+            if promise.asked != promise.obeyed:
+                self._on_stop(promise.asked, "the local socket")
         self._acknowledge(promise)
         if before == 0 or until_ms < before or until_ms // SEEN_MS != before // SEEN_MS:
             # The guard sleeps until the promise that it knows lapses; and one that was killed is
@@ -226,9 +251,11 @@ class PortGuard:
 
     @property
     def stopped(self) -> bool:
-        """Whether it stopped the wheels, which is not acknowledged: no motion must be written."""
+        """Whether no motion must be written: a stop is not acknowledged, or asked for."""
         promise = self._promise
-        return promise is not None and promise.stop != promise.acknowledged
+        return promise is not None and (
+            promise.stop != promise.acknowledged or promise.asked != promise.obeyed
+        )
 
     def _acknowledge(self, promise: Promise) -> None:
         stop, port = promise.stop, self._port
@@ -241,6 +268,65 @@ class PortGuard:
             if port.pending:
                 return
         promise.acknowledged = stop
+
+    # Stops that other programs of this machine ask for.
+
+    async def listen(
+        self, listening: words.Listening, on_stop: Callable[[int, str], None], clock: Clock
+    ) -> bool:
+        """Have the guard listen for local stops, and hand them over.
+
+        Args:
+            on_stop: Takes the number of a stop, and who asks for it; it calls :meth:`obey`.
+
+        Returns:
+            Whether it listens.
+        """
+        self._listening, self._on_stop = listening, on_stop
+        if self._channel is None:
+            return False
+        self._loop = asyncio.get_running_loop()
+        self._watch()
+        self._tell(words.LISTEN, json.dumps(listening).encode())
+        until_ns = clock.now_ns() + nanoseconds(LISTENS_WITHIN_S)
+        while self.socket is None and clock.now_ns() < until_ns and not self.gone:
+            await sleep_until(clock, clock.now_ns() + nanoseconds(LOOK_S))
+        return bool(self.socket)
+
+    def look_after_socket(self) -> None:
+        """Have the guard listen again if programs do not find its socket any more."""
+        if self._listening is not None:
+            self._tell(words.LISTEN, json.dumps(self._listening).encode())
+
+    def show(self, facts: bytes) -> None:
+        """Have the socket's ``status`` return a line of JSON."""
+        if facts != self._facts:
+            self._facts = facts
+            self._tell(words.FACTS, facts)
+
+    def obey(self, number: int) -> None:
+        """Note that the emergency stop was engaged for a request: motion may follow a release."""
+        if self._promise is not None:
+            self._promise.obeyed = max(self._promise.obeyed, number)
+
+    def answer(self, number: int, line: bytes) -> None:
+        """Tell each that asked for a stop, up to this number, whether it was sent."""
+        self._tell(words.ANSWERED, b"%d %s" % (number, line))
+
+    def tell_seen(self, number: int, line: bytes) -> None:
+        """Tell them what was seen of the wheels."""
+        self._tell(words.SEEN, b"%d %s" % (number, line))
+
+    def want(self, path: str) -> None:
+        """Ask the guard of a dead owner for a device that is held: it unlocks it for a moment."""
+        with contextlib.suppress(OSError):
+            self._tell(words.WANTED, b"%d" % os.stat(path).st_rdev)
+
+    @property
+    def stop_counts(self) -> tuple[int, int, int]:
+        """Local stops, connections that were refused, and those that ended without a request."""
+        promise = self._promise
+        return (0, 0, 0) if promise is None else (promise.asked, *promise.turned_away)
 
     # The end.
 
@@ -273,6 +359,7 @@ class PortGuard:
             within_s: How long to wait for that. The guard goes on without this process.
         """
         process, self._process = self._process, None
+        self._unwatch()
         if self._channel is not None:
             self._channel.close()
             self._channel = None
@@ -283,6 +370,12 @@ class PortGuard:
             process.returncode = 0
 
     # Messages.
+
+    def _tell_all(self) -> None:
+        if self._listening is not None:
+            self._tell(words.LISTEN, json.dumps(self._listening).encode())
+            self._tell(words.FACTS, self._facts)
+        self._tell_port()
 
     def _tell_port(self) -> None:
         if self._note is not None:
@@ -302,14 +395,52 @@ class PortGuard:
 
     def _answer(self) -> bytes | None:
         """The next packet from the guard; None if there is none yet, empty if it has ended."""
-        if self._channel is None:
-            return b""
-        try:
-            return self._channel.recv(words.MAX_BYTES)
-        except BlockingIOError:
-            return None
-        except OSError:
-            return b""
+        self._read()
+        if self._answers:
+            return self._answers.popleft()
+        return b"" if self._channel is None or self._ended else None
+
+    def _read(self) -> None:
+        """Read what the guard says: requests are obeyed, answers kept."""
+        while self._channel is not None and not self._ended:
+            try:
+                packet = self._channel.recv(words.MAX_BYTES)
+            except BlockingIOError:
+                return
+            except OSError:
+                packet = b""
+            name, _, value = packet.partition(b" ")
+            if not packet:
+                self._ended = True
+                self._unwatch()
+            elif name == words.ASKED:
+                number, _, by = value.partition(b" ")
+                self._on_stop(int(number), by.decode())
+            elif name == words.SOCKET:
+                self._note_socket(os.fsdecode(value))
+            else:
+                self._answers.append(packet)
+
+    def _note_socket(self, found: str) -> None:
+        path, why = ("", found.strip()) if found.startswith(" ") else (found, "")
+        if why and self.socket != "":
+            log.warning("No local socket (%s): %s", why, NO_SOCKET)
+        elif path and self.socket == "":
+            log.info("The local socket is there again: %s", path)
+        self.socket = path
+
+    def _on_readable(self) -> None:
+        self._read()
+        if self._ended:
+            self._replace()
+
+    def _watch(self) -> None:
+        if self._loop is not None and self._channel is not None:
+            self._loop.add_reader(self._channel, self._on_readable)
+
+    def _unwatch(self) -> None:
+        if self._loop is not None and self._channel is not None:
+            self._loop.remove_reader(self._channel)
 
     def _replace(self) -> None:
         self.dismiss()
@@ -321,6 +452,6 @@ class PortGuard:
             with contextlib.suppress(OSError):
                 self.begin()
                 log.warning("The guard has ended, or does not answer: another one was started.")
-                self._tell_port()
+                self._tell_all()
         if self.gone:
             log.warning("%s", UNGUARDED)

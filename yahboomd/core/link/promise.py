@@ -11,11 +11,11 @@ import os
 
 SIZE = 4096
 
-_UNTIL_MS, _STOP, _ACKNOWLEDGED, _LET_GO = range(4)
+_UNTIL_MS, _STOP, _ACKNOWLEDGED, _LET_GO, _ASKED, _OBEYED, _REFUSED, _DROPPED = range(8)
 
 
 class Promise:
-    """Four numbers, each with one writer, so that none is ever seen half.
+    """Numbers, each with one writer, so that none is ever seen half.
 
     Args:
         fd: The memory; from :func:`memory`.
@@ -59,6 +59,33 @@ class Promise:
     @acknowledged.setter
     def acknowledged(self, value: int) -> None:
         self._words[_ACKNOWLEDGED] = value
+
+    @property
+    def asked(self) -> int:
+        """The number of the newest stop that a program of this machine asked the guard for."""
+        return self._words[_ASKED]
+
+    @asked.setter
+    def asked(self, value: int) -> None:
+        self._words[_ASKED] = value
+
+    @property
+    def obeyed(self) -> int:
+        """The number of the newest one for which the owner engaged its emergency stop."""
+        return self._words[_OBEYED]
+
+    @obeyed.setter
+    def obeyed(self, value: int) -> None:
+        self._words[_OBEYED] = value
+
+    @property
+    def turned_away(self) -> tuple[int, int]:
+        """Connections for stops that were refused, and that ended without a request."""
+        return self._words[_REFUSED], self._words[_DROPPED]
+
+    @turned_away.setter
+    def turned_away(self, value: tuple[int, int]) -> None:
+        self._words[_REFUSED], self._words[_DROPPED] = value
 
 
 def memory() -> int:

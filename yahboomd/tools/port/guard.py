@@ -11,13 +11,17 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import fcntl
+import json
 import os
 import select
 import signal
 import socket
 import sys
+import termios
 import time
 from collections.abc import Iterator
+from functools import partial
 from itertools import chain, count
 from typing import TYPE_CHECKING
 
@@ -27,11 +31,13 @@ if __name__ == "__main__":
 
 from yahboomd.core.link import guard_words as words
 from yahboomd.core.link import port_note
+from yahboomd.core.link.local_socket import tell_others
 from yahboomd.core.link.port_note import PortNote
 from yahboomd.core.link.promise import Promise
 from yahboomd.core.link.seize import Seized, stop_again
 from yahboomd.tools.port import guard_law as law
 from yahboomd.tools.port.charge import Charge
+from yahboomd.tools.port.local_stops import LocalStops, Request
 from yahboomd.tools.stop import last_stop
 
 if TYPE_CHECKING:
@@ -43,8 +49,16 @@ KILLED = (
 )
 ENDED = "yahboomd (pid {pid}) ended and left wheels that may turn."
 
-ASK_S = 1.0
-"""The period at which daemons are asked whether they are connected to the device."""
+HUNG = (
+    "yahboomd (pid {pid}) does not answer: its guard sent the stop. yahboomd obeys, too, when it "
+    "goes on."
+)
+NOT_SENT = (
+    "yahboomd (pid {pid}) does not answer, and its guard could not send the stop yet ({trouble}). "
+    "It goes on trying."
+)
+ENDED_BEFORE = "yahboomd (pid {pid}) has ended; its guard stops the wheels."
+RELIEVED = "Another yahboomd (its guard is pid {pid}) has {port} now, and sent its stop."
 
 SAID_AFTER_S = (1.0, 10.0)
 SAID_EVERY_S = 60.0
@@ -67,7 +81,15 @@ class Guard:
         self._owner = -1
         self._promise = promise
         self._limits = law.Limits() if charge.kills else law.Limits(kill_after=FAR_MS)
-        self._state = law.State(stop=promise.stop)
+        # A guard before this one may have left a request.
+        asked = None if promise.asked == promise.obeyed else _now_ms()
+        self._state = law.State(stop=promise.stop, asked=asked, due=asked)
+        self._stops = LocalStops(promise.asked)
+        self._turned_away = promise.turned_away
+        self._listening = words.Listening("", "")
+        self._by = "the local socket"
+        self._later: Request | None = None
+        self._poll = select.poll()
         self._note: PortNote | None = None
         self._seized: Seized | None = None
         self._brake = self._surest = b""
@@ -75,14 +97,15 @@ class Guard:
         self._trouble: Exception | TakeoverReport | None = None
         self._outcome = ""
         self._over = False
-        self._began_s = self._asked_s = 0.0
+        self._began_s = 0.0
         self._due_s: Iterator[float] = chain(SAID_AFTER_S, count(SAID_EVERY_S, SAID_EVERY_S))
         self._word_s = next(self._due_s)
 
     def serve(self) -> None:
         """Guard until the wheels were seen to stand."""
         self._channel.setblocking(False)
-        poll = select.poll()
+        poll = self._poll
+        poll.register(self._stops, select.POLLIN)
         poll.register(self._channel, select.POLLIN)
         with contextlib.suppress(OSError):
             # A child of the owner may hold the other end of the channel.
@@ -91,15 +114,19 @@ class Guard:
         while not self._over:
             due, now = self._state.due, _now_ms()
             wait_ms = NEVER_MS if due is None else max(0, min(NEVER_MS, due - now))
-            if self._state.owner == "ended":
-                time.sleep(wait_ms / 1000.0)
-            else:
-                ready = {fd for fd, _ in poll.poll(wait_ms)}
+            ready = {fd for fd, _ in poll.poll(wait_ms)}
+            if self._state.owner != "ended":
                 # While it is the parent, its id cannot belong to another process.
                 self._hear(ended=self._owner in ready or os.getppid() != self._charge.owner)
+            if self._stops.fileno() in ready and not self._over:
+                self._serve_stops()
+            if (later := self._later) is not None and not self._over:
+                self._later = None
+                self._hand_over(later)
             if not self._over:
                 self._take(law.Tick())
                 self._tell()
+        self._stops.close()
 
     # What the owner says.
 
@@ -124,7 +151,10 @@ class Guard:
         if ended:
             if self._seized is not None:
                 self._seized = self._seized._replace(spoken_ns=time.monotonic_ns())
-            self._began_s = self._asked_s = time.monotonic()
+            self._began_s = time.monotonic()
+            for fd in (self._channel.fileno(), self._owner):
+                with contextlib.suppress(KeyError, ValueError):
+                    self._poll.unregister(fd)
             self._take(law.Ended())
 
     def _read(self, name: bytes, value: bytes, fd: int | None = None) -> None:
@@ -137,8 +167,27 @@ class Guard:
                 self._take(law.Shared())
         elif name == words.STOP:
             self._brake, self._surest = (bytes.fromhex(each.decode()) for each in value.split())
+            if self._seized is not None:
+                device = os.fstat(self._seized.fd).st_rdev
+                tell_others(self._listening.folder, self._stops.path, words.HELD, device)
         elif name == words.CLOSE:
             self._take(law.CloseAsked())
+        elif name == words.LISTEN:
+            self._listening = words.Listening(*json.loads(value))
+            try:
+                self._stops.listen(self._listening.folder, self._listening.name)
+            except OSError as error:
+                self._say_to_owner(b"%s  %s" % (words.SOCKET, str(error).encode()))
+            else:
+                self._say_to_owner(b"%s %s" % (words.SOCKET, os.fsencode(self._stops.path)))
+        elif name == words.FACTS:
+            self._stops.facts = value
+        elif name in {words.ANSWERED, words.SEEN}:
+            number, _, line = value.partition(b" ")
+            tell = self._stops.answer if name == words.ANSWERED else self._stops.finish
+            tell(int(number), line)
+        elif name == words.WANTED:
+            tell_others(self._listening.folder, self._stops.path, words.NEXT, int(value))
 
     def _read_promise(self) -> None:
         # The owner renews its promise before it acknowledges a stop.
@@ -148,8 +197,91 @@ class Guard:
             self._take(law.Renewed(until_ms))
         elif state.turning and not until_ms:
             self._take(law.Standing())
+        if state.asked is not None and self._promise.obeyed == self._promise.asked:
+            self._take(law.Obeyed())
         if not state.acknowledged:
             self._take(law.Acknowledged(acknowledged))
+
+    # What other programs ask for.
+
+    def _serve_stops(self, *, looking: bool = False) -> None:
+        """Take the requests of other programs.
+
+        Args:
+            looking: The wheels are watched: the next owner asks again after that.
+        """
+        for request in self._stops.take():
+            if request.by:
+                self._by = request.by
+                self._promise.asked = request.number
+                self._say_to_owner(b"%s %d %s" % (words.ASKED, request.number, request.by.encode()))
+                if not self._charge.kills:
+                    # A suspended tool ends only once it goes on.
+                    with contextlib.suppress(OSError):
+                        signal.pidfd_send_signal(self._owner, signal.SIGCONT)
+                self._take(law.Asked())
+            elif looking:
+                self._later = request
+            else:
+                self._hand_over(request)
+        refused, dropped = self._turned_away
+        counters = self._stops.counters
+        self._promise.turned_away = refused + counters["refused"], dropped + counters["dropped"]
+
+    def _hand_over(self, request: Request) -> None:
+        """Let the next owner of the same device have the port; end once it has sent its stop."""
+        note, is_ours = self._note, False
+        with contextlib.suppress(OSError):
+            path = "" if note is None else last_stop.path_of(note)
+            is_ours = path != "" and os.stat(path).st_rdev == request.device
+        if not is_ours or note is None:
+            return
+        if request.verb == words.NEXT:
+            self._take(law.Wanted())
+        elif self._state.owner == "ended" and not self._locks():
+            self._outcome = RELIEVED.format(pid=request.pid, port=note.path)
+            self._finish(stood=None)
+            self._take(law.Relieved())
+
+    def _locks(self) -> bool:
+        """Whether no other process has locked its port; it is locked then."""
+        if self._seized is None:
+            return False
+        try:
+            fcntl.flock(self._seized.fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            return False
+        return True
+
+    def _latch(self) -> law.Event:
+        sentence = ENDED_BEFORE.format(pid=self._charge.owner)
+        if self._listening.latch:
+            sentence = f"Emergency stop engaged by {self._by}. {sentence}"
+            from pathlib import Path
+
+            from yahboomd.core.daemon.estop.latch_file import LatchFile
+
+            try:
+                LatchFile(Path(self._listening.latch)).engage(self._by)
+            except OSError as error:
+                sentence += f" It is not on file ({error.strerror}): a restart would release it."
+        self._answer(sentence, sent=self._seized is not None or not self._state.turning)
+        return law.Latched()
+
+    def _answer_for_owner(self) -> None:
+        """Answer a request that the owner does not obey."""
+        if self._state.asked is not None and self._state.owner != "ended":
+            sent = self._trouble is None
+            words_ = HUNG if sent else NOT_SENT
+            self._answer(words_.format(pid=self._charge.owner, trouble=self._trouble), sent=sent)
+
+    def _finish(self, *, stood: bool | None) -> None:
+        seen = {"stood": stood, "fastest_m_s": 0.0 if stood else None, "why": self._outcome}
+        self._stops.finish(self._promise.asked, json.dumps(seen).encode())
+
+    def _answer(self, sentence: str, *, sent: bool) -> None:
+        line = {"engaged": True, "sent": sent, "message": sentence}
+        self._stops.answer(self._promise.asked, json.dumps(line).encode())
 
     # What the machine decides.
 
@@ -176,6 +308,13 @@ class Guard:
             return self._open()
         elif action == "look":
             return self._look()
+        elif action == "latch":
+            return self._latch()
+        elif action == "unlock":
+            assert self._seized is not None
+            with contextlib.suppress(OSError):
+                fcntl.flock(self._seized.fd, fcntl.LOCK_UN)
+                fcntl.ioctl(self._seized.fd, termios.TIOCNXCL)
         elif action == "close":
             self._close()
         elif action == "kill":
@@ -188,6 +327,7 @@ class Guard:
 
     def _send(self, frames: bytes) -> law.Event | None:
         assert self._seized is not None
+        self._trouble = gone = None
         try:
             if frames:
                 os.write(self._seized.fd, self._surest if self._promise.let_go else frames)
@@ -195,32 +335,30 @@ class Guard:
                 stop_again(self._seized)
         except OSError as error:
             self._trouble = error
-            return None if error.errno in _HELD_BACK else law.Gone()
-        return None
+            gone = None if error.errno in _HELD_BACK else law.Gone()
+        self._answer_for_owner()
+        return gone
 
     def _open(self) -> law.Event:
-        if self._note is None:
+        if self._note is None and self._state.owner == "ended":
             # It had no port.
             return law.Looked(stand=True)
+        self._trouble = None
         try:
             self._seized = last_stop.seize_again(self._note)
         except OSError as error:
             self._trouble = error
-        else:
-            return law.Opened(ours=True)
-        ended = self._state.owner == "ended"
-        if ended and time.monotonic() - self._asked_s >= ASK_S:
-            self._asked_s = time.monotonic()
-            if found := last_stop.connected_daemon(last_stop.path_of(self._note)):
-                self._outcome = found
-                return law.Relieved()
-        return law.Opened(ours=False)
+        self._answer_for_owner()
+        return law.Opened(ours=self._trouble is None)
 
     def _look(self) -> law.Event:
         assert self._seized is not None
         if self._why:
             self._say(f"{self._explained_why()} A stop was sent.")
             self._why = ""
+        if not self._locks():
+            # The next owner has it, and did not say yet that it sent its stop.
+            return self._send(self._surest) or law.Looked(stand=False)
         try:
             stop_again(self._seized)
         except OSError as error:
@@ -228,7 +366,8 @@ class Guard:
             if error.errno != errno.ETIMEDOUT:
                 return law.Gone()
         try:
-            self._trouble = report = last_stop.watched(self._seized)
+            attend = partial(self._serve_stops, looking=True)
+            self._trouble = report = last_stop.watched(self._seized, self._stops.fileno(), attend)
         except Exception as error:  # noqa: BLE001 - whatever fails, stops go on
             self._trouble = error
             return law.Looked(stand=False)
@@ -252,6 +391,7 @@ class Guard:
         if self._outcome:
             self._say(self._outcome)
             self._say_to_owner(self._outcome.encode())
+        self._finish(stood=True)
 
     # What a person hears.
 

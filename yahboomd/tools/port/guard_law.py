@@ -4,13 +4,17 @@ Whatever turns wheels promises, again and again, to go on for a moment, and may 
 with the guard. If the promise lapses the guard stops the wheels; if the owner ends without having
 seen them stand, it stops them until they were seen to stand. No other process is believed.
 
+A request to stop is the owner's to obey: it engages its emergency stop. If it does not do so in
+time the guard sends the stop itself; if it ends first, the guard engages it on file.
+
 The machine takes events and returns actions; the time is an argument, in milliseconds. The I/O
 around it carries out each action before the next event. One that fails ends the row, and answers:
 
 - ``Send``: write whole frames; :class:`Gone` if the descriptor is dead;
 - ``Open``: open the device, by its identity, which sends its first stop; :class:`Opened`;
 - ``Look``: stop the board, ask for counts, and watch them for some seconds; :class:`Looked`, or
-  :class:`Gone`.
+  :class:`Gone`;
+- ``Latch``: put the emergency stop on file, and answer who asked for it; :class:`Latched`.
 
 What the owner wrote before its end is handed over before :class:`Ended`.
 """
@@ -28,7 +32,9 @@ class Limits(NamedTuple):
         late: A guard that wakes later than this may have stood still with its owner.
         patience: The time that it gives the owner then.
         surest_after: An unacknowledged stop becomes the surest one.
-        kill_after: The owner of an unacknowledged stop is killed.
+        kill_after: The owner of an unacknowledged stop is killed if wheels may turn.
+        answer: The time that the owner has to obey a request.
+        lend: The time that the next owner has to open the port and stop its board.
     """
 
     repeat: int = 100
@@ -36,6 +42,8 @@ class Limits(NamedTuple):
     patience: int = 500
     surest_after: int = 600
     kill_after: int = 5000
+    answer: int = 50
+    lend: int = 3000
     numbers: int = 65536
 
 
@@ -63,6 +71,18 @@ class Acknowledged(NamedTuple):
     stop: int
 
 
+class Asked(NamedTuple):
+    """A program of this machine asks for the emergency stop."""
+
+
+class Obeyed(NamedTuple):
+    """The owner has engaged it, for all requests so far."""
+
+
+class Latched(NamedTuple):
+    """The emergency stop is on file, or cannot be, and who asked for it knows which."""
+
+
 class Ended(NamedTuple):
     """The owner's process has ended."""
 
@@ -83,6 +103,10 @@ class Looked(NamedTuple):
     stand: bool
 
 
+class Wanted(NamedTuple):
+    """The next owner asks for the device."""
+
+
 class Relieved(NamedTuple):
     """The next owner's guard answers that it holds the device, and sent its stop."""
 
@@ -97,16 +121,20 @@ Event: TypeAlias = (
     | Renewed
     | Standing
     | Acknowledged
+    | Asked
+    | Obeyed
+    | Latched
     | Ended
     | Gone
     | Opened
     | Looked
+    | Wanted
     | Relieved
     | Tick
 )
 
 Action: TypeAlias = Literal[
-    "answer", "send zero", "send surest", "open", "look", "close", "kill", "end"
+    "answer", "send zero", "send surest", "open", "look", "latch", "unlock", "close", "kill", "end"
 ]
 
 
@@ -124,6 +152,9 @@ class State(NamedTuple):
         since: When that stop was first sent.
         due: When to act next; None for nothing to do.
         patient: The guard woke late, and waits once more.
+        asked: By when the owner has to obey a request; None if it has.
+        lent: Until when the next owner may take the port: it is written to, and neither read nor
+            locked.
     """
 
     owner: Literal["lives", "killed", "ended"] = "lives"
@@ -135,6 +166,8 @@ class State(NamedTuple):
     since: int = 0
     due: int | None = None
     patient: bool = False
+    asked: int | None = None
+    lent: int | None = None
 
 
 Step: TypeAlias = tuple[State, tuple[Action, ...]]
@@ -155,11 +188,17 @@ def step(state: State, event: Event, now: int, limits: Limits) -> Step:
             if stop != state.stop:
                 return state, ()
             return _awaiting(state._replace(acknowledged=True)), ()
+        case Asked():
+            due = now + limits.answer if state.asked is None else state.asked
+            state = state._replace(asked=due)
+            return _awaiting(state), _latch(state)
+        case Obeyed() | Latched():
+            return _awaiting(state._replace(asked=None)), ()
         case Ended():
             return _alone(state._replace(owner="ended"), now)
         case Gone():
             # The next tick opens the device again.
-            return state._replace(holds=False), ("close",)
+            return state._replace(holds=False), ("close", *_latch(state))
         case Opened(ours):
             state = state._replace(holds=ours)
             looks = ours and state.owner == "ended"
@@ -169,6 +208,10 @@ def step(state: State, event: Event, now: int, limits: Limits) -> Step:
             if stand:
                 return state, ("close", "end")
             return state._replace(due=now + limits.repeat), ()
+        case Wanted():
+            if state.owner != "ended":
+                return state, ()
+            return state._replace(lent=now + limits.lend), ("unlock",) if state.holds else ()
         case Relieved():
             return state, ("close", "end") if state.owner == "ended" else ()
         case Tick():
@@ -177,16 +220,28 @@ def step(state: State, event: Event, now: int, limits: Limits) -> Step:
 
 def _awaiting(state: State) -> State:
     """When to act next while the owner lives."""
-    if not state.acknowledged:
+    if not state.acknowledged or state.owner == "ended":
         return state
-    return state._replace(due=state.until if state.turning else None)
+    promised = state.until if state.turning else None
+    return state._replace(
+        due=min((t for t in (promised, state.asked) if t is not None), default=None)
+    )
+
+
+def _latch(state: State) -> tuple[Action, ...]:
+    """Obey a request in place of an owner that no longer can."""
+    return ("latch",) if state.owner == "ended" and state.asked is not None else ()
 
 
 def _alone(state: State, now: int) -> Step:
     """Act at once, now that the owner is gone."""
+    latch = _latch(state)
     if not state.turning:
-        return state, ("close", "end")
-    return state._replace(due=now), ("send surest", "look") if state.holds else ("open",)
+        return state, (*latch, "close", "end")
+    return state._replace(due=now), ("send surest", *latch, "look") if state.holds else (
+        *latch,
+        "open",
+    )
 
 
 def _acted(state: State, now: int, limits: Limits) -> Step:
@@ -194,9 +249,12 @@ def _acted(state: State, now: int, limits: Limits) -> Step:
         return state, ()
     again = state._replace(due=now + limits.repeat)
     if state.owner == "ended":
-        return again, ("look",) if state.holds else ("open",)
+        if state.lent is not None and now < state.lent:
+            return again, ("send surest",) if state.holds else ()
+        return again._replace(lent=None), ("look",) if state.holds else ("open",)
     if state.acknowledged:
-        if now - state.due > limits.late and not state.patient:
+        asked = state.asked is not None and now >= state.asked
+        if now - state.due > limits.late and not state.patient and not asked:
             return state._replace(patient=True, due=now + limits.patience), ()
         again = again._replace(
             stop=(state.stop + 1) % limits.numbers, acknowledged=False, since=now, patient=False
@@ -205,6 +263,6 @@ def _acted(state: State, now: int, limits: Limits) -> Step:
     actions: tuple[Action, ...] = ("open",)
     if again.holds:
         actions = ("send surest",) if overdue >= limits.surest_after else ("send zero",)
-    if overdue >= limits.kill_after and again.owner == "lives":
+    if overdue >= limits.kill_after and state.turning and again.owner == "lives":
         return again._replace(owner="killed"), ("kill", *actions)
     return again, actions

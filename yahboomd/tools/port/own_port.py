@@ -14,8 +14,9 @@ from yahboomd.core.errors import LinkError, PortBusy, PortLost, Refused, Yahboom
 from yahboomd.core.link import discovery
 from yahboomd.core.link.port import Opener, Port, open_port
 from yahboomd.core.link.port_errors import holders
+from yahboomd.core.link.port_guard import PortGuard
 from yahboomd.core.model import NS_PER_S
-from yahboomd.tools.port.stop_socket import SERVICES_FOLDER
+from yahboomd.tools.port.guarded import SERVICES_FOLDER
 from yahboomd.tools.stop import diagnosis
 from yahboomd.tools.stop.port_search import port_options
 from yahboomd.tools.stop.stop_local import folders
@@ -26,20 +27,21 @@ GUARD_ENDS_WITHIN_NS = 10 * NS_PER_S
 RETRY_S = 0.05
 
 
-def opener_of(port: str, config: Config, clock: Clock) -> Opener:
-    """A function that opens the port by the configuration, for this process alone.
+def opener_of(port: str, config: Config, clock: Clock, guard: PortGuard | None = None) -> Opener:
+    """A function that opens the port by the configuration, for this process and its guard alone.
 
     It waits for the guard of a killed `setup` or `tune`, which stops the wheels.
     """
-    options = port_options(port, config)
+    options, own = port_options(port, config), guard or PortGuard()
 
     async def open_it() -> Port:
         end_ns = clock.now_ns() + GUARD_ENDS_WITHIN_NS
         before: set[int] = set()
         while True:
             try:
-                return await open_port(options, clock)
+                opened = await open_port(options, clock)
             except PortBusy:
+                own.want(port)
                 found = pids(holders(port))
                 # A guard that is just ending, or that this user may not see, looks like another
                 # program or like none (0). Another program still has the port at the next look.
@@ -47,6 +49,11 @@ def opener_of(port: str, config: Config, clock: Clock) -> Opener:
                 if clock.now_ns() >= end_ns or others & before:
                     raise
                 before = others
+            else:
+                opened.share(own, options)
+                # This process drives no wheel before it promises.
+                own.standing()
+                return opened
             await asyncio.sleep(RETRY_S)
 
     return open_it

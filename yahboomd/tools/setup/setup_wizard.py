@@ -203,7 +203,7 @@ class Wizard:
         port = await self._opener()
         line = Line(port, self._clock, resend_s=RESEND_S)
         line.on_imu = self._on_imu
-        async with guarded(line, self._config, say) as guard, line.attended():
+        async with guarded(line, say) as guard, line.attended():
             talk = await Conversation.begin(line)
             # The motors have no power, and a brake would start the board's speed loop.
             line.let_go = True

@@ -11,6 +11,7 @@ import errno
 import os
 import select
 import signal
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from yahboomd.core.link.port_identity import find, identify, is_pseudo
@@ -20,7 +21,6 @@ from yahboomd.core.link.seize import Seized, seize
 if TYPE_CHECKING:
     from yahboomd.core.link.takeover import TakeoverReport
 
-ANSWERS_WITHIN_S = 0.1
 SAID_WITHIN_S = 0.2
 
 
@@ -30,15 +30,16 @@ def ignore_signals() -> None:
         signal.signal(number, signal.SIG_IGN)
 
 
-def seize_again(note: PortNote) -> Seized:
+def seize_again(note: PortNote | None) -> Seized:
     """Open the device and send the first stop.
 
     Raises:
         OSError: It cannot be had now.
     """
-    path = path_of(note)
-    if not path:
-        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), note.path)
+    path = "" if note is None else path_of(note)
+    if note is None or not path:
+        name = "no port" if note is None else note.path
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), name)
     device = identify(os.stat(path))
     return seize(**note._replace(path=path, device=device).options(), patience_s=0.0)
 
@@ -54,15 +55,24 @@ def path_of(note: PortNote) -> str:
     return found or ""
 
 
-def watched(seized: Seized) -> TakeoverReport:
-    """Stop a board, and watch its wheels for some seconds; the port stays open, and ours."""
+def watched(seized: Seized, fd: int, attend: Callable[[], None]) -> TakeoverReport:
+    """Stop a board, and watch its wheels for some seconds; the port stays open, and ours.
+
+    Args:
+        fd: A descriptor that is not to wait.
+        attend: Called while that is readable.
+    """
     import asyncio
 
     from yahboomd.core.clock import SystemClock
     from yahboomd.core.link.takeover import take_over_seized
 
-    shared = seized._replace(fd=os.dup(seized.fd))
-    return asyncio.run(take_over_seized(shared, SystemClock()))
+    async def attended() -> TakeoverReport:
+        asyncio.get_running_loop().add_reader(fd, attend)
+        shared = seized._replace(fd=os.dup(seized.fd))
+        return await take_over_seized(shared, SystemClock())
+
+    return asyncio.run(attended())
 
 
 def unfinished(note: PortNote, trouble: Exception | TakeoverReport | None) -> str:
@@ -82,18 +92,6 @@ def unfinished(note: PortNote, trouble: Exception | TakeoverReport | None) -> st
         "back. It stops them as soon as it has the port, and ends once it has seen them stand; "
         f"`kill -9 {os.getpid()}` ends it now."
     )
-
-
-def connected_daemon(path: str) -> str:
-    """A sentence about the daemon that answers that it is connected to a device; empty for none."""
-    from yahboomd.tools.stop.stop_local import find as find_daemons
-    from yahboomd.tools.stop.stop_local import same_port
-
-    for daemon in find_daemons(os.environ, within_s=ANSWERS_WITHIN_S) if path else ():
-        ours = any(same_port(port, path) for port in daemon.ports)
-        if ours and daemon.connected and daemon.believed:
-            return f"yahboomd (pid {daemon.pid}) has {path} now, and began with a stop."
-    return ""
 
 
 def say(words: str) -> None:

@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from yahboomd.core.errors import BusError, LinkError, YahboomdError
-from yahboomd.tools.stop.stop_port import warn
 from yahboomd.tools.stop.unresponsive import (
     FROZEN,
     daemons,
     is_yahboomd,
     listener,
-    may_drive,
     process_state,
     reaching,
     serial_ports,
@@ -44,9 +42,9 @@ def not_released(
     """Explain why no daemon answers, by the daemon of this machine that is meant."""
     from yahboomd.tools.stop.stop_local import DaemonChoice, there
 
-    meant = [robot.pid for robot in found if robot.silent and not asked.connect]
-    if asked.port:
-        meant = [pid for pid in meant if may_drive(pid, asked.port)]
+    wanted = DaemonChoice(asked.port, asked.namespace or None)
+    fitting = [robot for robot in found if wanted.fits(robot) and not asked.connect]
+    meant = [robot.pid for robot in fitting if robot.silent or process_state(robot.pid) in FROZEN]
     if (pid := listener(endpoints)) is not None and is_yahboomd(pid):
         meant.insert(0, pid)
     again = asked.again
@@ -63,9 +61,7 @@ def not_released(
     if asked.connect:
         return error
     wanted = DaemonChoice(port=asked.port)
-    others = there(
-        [robot for robot in found if not robot.silent and wanted.fits(robot)], "stop --release"
-    )
+    others = there([robot for robot in found if wanted.fits(robot)], "stop --release")
     return type(error)(error.message, remedy=others or error.remedy)
 
 
@@ -104,19 +100,7 @@ def silent(robot: LocalDaemon, asked: StopOptions) -> LinkError:
 
 def unreached(local: LocalStops, over_bus: tuple[str, ...] = ()) -> list[str]:
     """Name the daemons of this machine with unknown sockets, and the command that stops each."""
-    known = {robot.pid for robot in (*local.answering, *local.silent, *local.unknown)}
+    known = {robot.pid for robot in (*local.answering, *local.silent)}
     if over_bus:
         known.add(listener(over_bus) or 0)
     return [words for pid in daemons() if pid not in known and (words := reaching(pid))]
-
-
-def warn_of_suspended(local: LocalStops, asked: StopOptions) -> None:
-    """Warn of suspended daemons that this stop did not reach, even if they closed the port."""
-    for robot in local.unknown:
-        frozen = process_state(robot.pid) in FROZEN
-        if frozen and may_drive(robot.pid, asked.port):
-            warn(
-                f"yahboomd (pid {robot.pid}) is suspended: no emergency stop is engaged in it, and "
-                "once continued it obeys new commands. To engage one, continue it with `fg` or "
-                f"`kill -CONT {robot.pid}`, then repeat: {asked.again}"
-            )

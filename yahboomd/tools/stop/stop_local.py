@@ -1,4 +1,4 @@
-"""The local half of ``yahboomd stop``: reaches the daemons of this machine over their sockets.
+"""The local half of ``yahboomd stop``: asks the guards of this machine at their sockets.
 
 It needs neither Zenoh nor asyncio nor the configuration, so it runs before they are loaded.
 docs/bus.md describes the protocol.
@@ -7,30 +7,90 @@ docs/bus.md describes the protocol.
 from __future__ import annotations
 
 import contextlib
+import json
 import os
-import re
-import signal
+import socket
+import struct
+import time
 from collections.abc import Iterable, Mapping, Sequence
 from glob import escape as glob_escape
 from glob import glob
 from typing import Any, NamedTuple
 
 from yahboomd.core.link import port_note
+from yahboomd.core.link.local_socket import connect
 from yahboomd.core.link.port_note import PortNote
 from yahboomd.core.program import pasteable, plain, release_command
-from yahboomd.tools.stop.stop_talk import Talk, converse
 from yahboomd.tools.stop.stop_witness import believed, holds, settled
 
 STATUS_WITHIN_S = 0.5
 ENGAGED_WITHIN_S = 1.5
 STOOD_WITHIN_S = 2.5
+ENDED_WITHIN_S = 10.0
+"""The time for ``setup`` and ``tune`` to stop the wheels, see them stand, restore the board's
+values, and close the port."""
+
+MAX_BYTES = 65_536
 STATUS = b"status\n"
 STOP = b"stop by yahboomd stop\n"
 """Any request but ``status`` engages; this one names the program that asks."""
 
 
-_TOOL = re.compile(r".*/stop-(setup|tune)[^/]*$")
-"""The socket of a tool that turns wheels without a daemon."""
+class Talk:
+    """One request on one socket, and the lines of the answer.
+
+    Attributes:
+        connected: A guard has the request, or its queue is full.
+        pid: The process that listens there; 0 if it is in another PID namespace.
+        uid: Its user, reported by the kernel; None before the connection.
+    """
+
+    def __init__(self, path: str, request: bytes) -> None:
+        self.path = path
+        self.lines: list[dict[str, Any]] = []
+        self.connected = True
+        self.pid = 0
+        self.uid: int | None = None
+        self._data = b""
+        self._sock = sock = socket.socket(socket.AF_UNIX)
+        # The kernel lets the connection wait for room in the queue.
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _timeval(STATUS_WITHIN_S))
+        try:
+            connect(sock, path)
+            raw = sock.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("iII"))
+            self.pid, self.uid, _ = struct.unpack("iII", raw)
+            sock.send(request, socket.MSG_NOSIGNAL)
+        except (BlockingIOError, BrokenPipeError):
+            # Of a refusal the reason can be read.
+            return
+        except OSError:
+            self.connected = False
+
+    def read(self, lines: int, until_s: float) -> None:
+        """Read until there are this many lines, or no more come."""
+        while self.connected and len(self.lines) < lines:
+            left = _timeval(max(0.001, until_s - time.monotonic()))
+            self._sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, left)
+            try:
+                data = self._sock.recv(MAX_BYTES)
+            except OSError:
+                return
+            self._data += data
+            if not data or len(self._data) > MAX_BYTES:
+                return
+            *whole, self._data = self._data.split(b"\n")
+            for line in whole:
+                with contextlib.suppress(ValueError, RecursionError):
+                    facts = json.loads(line)
+                    if isinstance(facts, dict):
+                        self.lines.append(facts)
+
+    def close(self) -> None:
+        self._sock.close()
+
+
+def _timeval(seconds: float) -> bytes:
+    return struct.pack("ll", int(seconds), int(seconds % 1 * 1e6))
 
 
 class DaemonChoice(NamedTuple):
@@ -48,9 +108,9 @@ class DaemonChoice(NamedTuple):
         """Whether a daemon is meant. A daemon that did not answer may still hold the port."""
         if self.port:
             return any(same_port(self.port, each) for each in robot.ports) or holds(
-                robot.pid, self.port
+                robot.guard, self.port
             )
-        if robot.silent:
+        if robot.silent or robot.command:
             return self.namespace is None and not self.listen
         if self.namespace is not None and self.namespace != robot.namespace:
             return False
@@ -58,15 +118,16 @@ class DaemonChoice(NamedTuple):
 
 
 class LocalDaemon(NamedTuple):
-    """A daemon of this machine.
+    """A daemon of this machine, or a tool that turns wheels without one.
 
     Attributes:
-        pid: The process that listens there; 0 if it is in another PID namespace.
+        pid: Its process, as it says; that of its guard if it says nothing.
+        guard: The process that listens there; 0 if it is in another PID namespace.
         uid: Its user; None if it is not known.
         silent: It did not answer.
         ports: The serial port, as configured and as opened.
         listen: Its Zenoh endpoints.
-        connected: It says that it is connected to its board, whose wheels it stopped first.
+        command: ``setup`` or ``tune`` if it is no daemon but one of them; else empty.
     """
 
     socket: str
@@ -76,24 +137,19 @@ class LocalDaemon(NamedTuple):
     ports: tuple[str, ...] = ()
     listen: tuple[str, ...] = ()
     uid: int | None = None
-    connected: bool = False
-
-    @property
-    def tool(self) -> str:
-        """``setup`` or ``tune`` if it is no daemon but one of them; else empty."""
-        found = _TOOL.match(self.socket)
-        return found[1] if found else ""
+    guard: int = 0
+    command: str = ""
 
     @property
     def believed(self) -> bool:
         """Whether its report that the wheels stand is enough."""
-        return believed(self.pid, self.uid, self.socket, self.ports)
+        return believed(self.guard, self.uid, self.socket, self.ports)
 
     @property
     def name(self) -> str:
         """In a sentence: ``bot1 (pid 12, /dev/ttyUSB0)``."""
         facts = ", ".join((f"pid {self.pid}", *self.ports[:1]))
-        return plain(f"{self.namespace or 'yahboomd'} ({facts})")
+        return plain(f"{self.namespace or f'yahboomd {self.command}'.rstrip()} ({facts})")
 
 
 class StopOutcome(NamedTuple):
@@ -112,12 +168,11 @@ class StopOutcome(NamedTuple):
 
 
 class LocalStops:
-    """The stops of all daemons that are meant.
+    """The stops of all daemons and tools that are meant.
 
     Attributes:
-        silent: Those that did not answer: frozen, hung, or busy for too long.
-        others: Daemons that are not meant, and were left alone.
-        unknown: Daemons that did not answer and may be meant or not; left alone, too.
+        silent: Those whose guard does not answer: frozen, or busy for too long.
+        others: Those that are not meant, and were left alone.
     """
 
     def __init__(self) -> None:
@@ -125,13 +180,12 @@ class LocalStops:
         self.wanted = DaemonChoice()
         self.silent: list[LocalDaemon] = []
         self.others: list[LocalDaemon] = []
-        self.unknown: list[LocalDaemon] = []
         self._meant: list[tuple[LocalDaemon, Talk]] = []
 
     def engage(self, wanted: DaemonChoice, found: Iterable[LocalDaemon]) -> None:
-        """Stop them; returns once each that answers has engaged its emergency stop.
+        """Stop them; returns once each that answers has stopped its robot.
 
-        It does not wait for the others: they have the request, and engage when they run again.
+        It does not wait for the others: their guards have the request.
         """
         self.wanted = wanted
         for robot in found:
@@ -140,78 +194,38 @@ class LocalStops:
             if wanted.fits(robot):
                 self._meant.append((robot, Talk(robot.socket, STOP)))
             else:
-                (self.unknown if robot.silent else self.others).append(robot)
-        for _, talk in self._meant:
-            talk.connect()
-        answering = [talk for robot, talk in self._meant if not robot.silent]
-        converse(answering, lines=1, within_s=ENGAGED_WITHIN_S)
+                self.others.append(robot)
+        until_s = time.monotonic() + ENGAGED_WITHIN_S
+        for robot, talk in self._meant:
+            if not (robot.silent or robot.command):
+                talk.read(1, until_s)
 
     def outcomes(self) -> list[StopOutcome]:
         """Wait some seconds until the wheels stand; returns the outcome of each stop."""
-        converse([talk for _, talk in self._meant], lines=2, within_s=STOOD_WITHIN_S)
-        found = []
-        for robot, talk in self._meant:
+        began_s, found = time.monotonic(), []
+        for robot, talk in sorted(self._meant, key=lambda each: each[0].command):
+            talk.read(2, began_s + (ENDED_WITHIN_S if robot.command else STOOD_WITHIN_S))
             talk.close()
-            if talk.lines and talk.lines[0].get("engaged") is True:
-                named = _identified(robot)
-                if (named.pid, named.uid) != (talk.pid, talk.uid):
-                    # The socket belonged to another process when the port was named.
-                    named = named._replace(pid=talk.pid, uid=None)
-                found.append(_outcome(named, talk.lines))
-            else:
+            if not talk.lines or talk.lines[0].get("engaged") is not True:
                 self.silent.append(robot)
+                continue
+            named = robot
+            if (robot.guard, robot.uid) != (talk.pid, talk.uid):
+                # The socket belonged to another process when the port was named.
+                named = robot._replace(guard=talk.pid, uid=None)
+            found.append(_outcome(named, talk.lines))
         return found
 
 
 def find(environ: Mapping[str, str], within_s: float | None = None) -> list[LocalDaemon]:
-    """The daemons of this machine that this user may stop."""
-    asked = [Talk(path, STATUS) for path in sockets(environ) if not _TOOL.match(path)]
-    return _answering(asked, within_s)
-
-
-def end_tools(environ: Mapping[str, str], port: str = "") -> list[LocalDaemon]:
-    """End each `setup` and `tune` of this machine, or the one that has a port.
-
-    They stop their wheels first, for which this waits a moment.
-
-    Returns:
-        Those that were ended.
-    """
-    wanted = DaemonChoice(port)
-    asked = [Talk(path, STATUS) for path in sockets(environ) if _TOOL.match(path)]
-    for talk in asked:
-        talk.connect()
-        if talk.pid and wanted.fits(_robot(talk)):
-            # A suspended process obeys only once it continues.
-            with contextlib.suppress(OSError):
-                os.kill(talk.pid, signal.SIGCONT)
-    ended = [each for each in _answering(asked) if wanted.fits(each)]
-    talks = [Talk(tool.socket, STOP) for tool in ended]
-    converse(talks, lines=1, within_s=ENGAGED_WITHIN_S)
+    """The daemons and tools of this machine that this user may stop."""
+    talks = [Talk(path, STATUS) for path in sockets(environ)]
+    until_s = time.monotonic() + (STATUS_WITHIN_S if within_s is None else within_s)
     for talk in talks:
+        talk.read(1, until_s)
         talk.close()
-    return ended
-
-
-def _answering(talks: Sequence[Talk], within_s: float | None = None) -> list[LocalDaemon]:
-    converse(talks, lines=1, within_s=STATUS_WITHIN_S if within_s is None else within_s)
-    found = []
-    for talk in talks:
-        talk.close()
-        refused = any("error" in line for line in talk.lines)
-        if (talk.connected or talk.crowded) and not refused:
-            found.append(_robot(talk))
-    return found
-
-
-def _identified(robot: LocalDaemon) -> LocalDaemon:
-    """Ask a daemon again that did not send its name in time."""
-    if not robot.silent:
-        return robot
-    talk = Talk(robot.socket, STATUS)
-    converse([talk], lines=1, within_s=STATUS_WITHIN_S)
-    talk.close()
-    return _robot(talk) if talk.lines else robot
+    refused = [talk for talk in talks if any("error" in line for line in talk.lines)]
+    return [_robot(talk) for talk in talks if talk.connected and talk not in refused]
 
 
 def covered(outcome: StopOutcome, paths: Iterable[str]) -> bool:
@@ -230,7 +244,7 @@ def vouched_for(outcome: StopOutcome, paths: Iterable[str]) -> bool:
 def drives(robots: Iterable[LocalDaemon], path: str) -> bool:
     """Whether one of these daemons has a port, or names it and is believed."""
     return any(
-        holds(robot.pid, path)
+        holds(robot.guard, path)
         or (robot.believed and any(same_port(port, path) for port in robot.ports))
         for robot in robots
     )
@@ -322,19 +336,20 @@ def _trusted(path: str) -> bool:
 def _robot(talk: Talk) -> LocalDaemon:
     facts = talk.lines[0] if talk.lines else {}
     if facts.get("daemon") != "yahboomd":
-        return LocalDaemon(talk.path, talk.pid, silent=True, uid=talk.uid)
+        return LocalDaemon(talk.path, talk.pid, silent=True, uid=talk.uid, guard=talk.pid)
     ports = _texts(facts.get("ports"))
     if talk.uid not in {0, os.geteuid()}:
         # Another user's link may lead to the wanted port now, and to a port of theirs later.
         ports = tuple(settled(port) or port for port in ports)
     return LocalDaemon(
         talk.path,
-        talk.pid,
+        facts["pid"] if isinstance(facts.get("pid"), int) else talk.pid,
         namespace=str(facts.get("namespace", "")),
         ports=ports,
         listen=_texts(facts.get("listen")),
         uid=talk.uid,
-        connected=facts.get("connected") is True,
+        guard=talk.pid,
+        command=str(facts.get("command", "")),
     )
 
 
@@ -361,6 +376,10 @@ def _outcome(robot: LocalDaemon, lines: Sequence[dict[str, Any]]) -> StopOutcome
             f"{words.removesuffix('.')}, but {missing} is gone, so no stop reached the board. "
             "The wheels may still turn: switch the motor supply off."
         )
+    elif robot.command and stood:
+        words += " The wheels stand."
+    elif not seen:
+        words += " Whether they stand was not seen: if they turn, switch the motor supply off."
     else:
         again = release_command(robot.namespace, robot.listen)
         words += f" {verdict(fastest_m_s, stood=stood, again=again)}"

@@ -11,7 +11,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from yahboomd.core.errors import LinkError, PortBusy
@@ -21,9 +21,7 @@ from yahboomd.core.link.seize import PATIENCE_S, RETRY_S, OtherDevice, Seized, s
 from yahboomd.core.program import pasteable, readable
 from yahboomd.tools.stop.unresponsive import (
     FROZEN,
-    is_guard,
     process_state,
-    serial_ports,
     true_names,
     unresponsive,
 )
@@ -32,11 +30,6 @@ if TYPE_CHECKING:
     from yahboomd.core.config import Config
     from yahboomd.core.link.takeover import TakeoverReport
     from yahboomd.tools.stop.named_port import NamedPort
-    from yahboomd.tools.stop.stop_local import LocalDaemon
-
-MEASURING_ENDS_WITHIN_S = 10.0
-"""The time for ``setup`` and ``tune`` to stop the wheels, see them stand, restore the board's
-values, and close the port."""
 
 _SIGNALS = (
     *(signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP),
@@ -159,7 +152,7 @@ def seize_port(
     patience_s: float = PATIENCE_S,
     asked: tuple[str, ...] = (),
 ) -> Seized:
-    """Seize the port, which sends the first stop; a `setup` or `tune` that holds it is ended.
+    """Seize the port, which sends the first stop.
 
     Args:
         port: Its path; None for the configured one.
@@ -195,50 +188,9 @@ def seize_named(named: NamedPort) -> Seized:
 
 def _seize(path: str, options: dict[str, Any], patience_s: float, asked: tuple[str, ...]) -> Seized:
     try:
-        try:
-            return seize(path, **options, patience_s=patience_s)
-        except OSError as error:
-            if error.errno not in {errno.EBUSY, errno.EAGAIN} or not _end_measuring(path):
-                raise
-            return seize(path, **options, patience_s=MEASURING_ENDS_WITHIN_S)
+        return seize(path, **options, patience_s=patience_s)
     except OSError as error:
         raise _explained(path, error, asked) from error
-
-
-def seize_measured_ports(config: Config | None) -> list[Seized]:
-    """Seize the port of each `setup` and `tune` on this machine, which ends them."""
-    from yahboomd.tools.stop.stop_local import end_tools
-
-    seized = []
-    for path in _ended(end_tools(os.environ)):
-        try:
-            seized.append(seize_port(path, config, patience_s=MEASURING_ENDS_WITHIN_S))
-        except LinkError as error:
-            warn(str(error))
-    return seized
-
-
-def _end_measuring(path: str) -> bool:
-    """End a `setup` or `tune` that has a port, over its stop socket, which stops its wheels.
-
-    Returns:
-        Whether the port will be free in a moment: a tool is being ended, or its guard has the port.
-    """
-    from yahboomd.core.link.port_errors import holders
-    from yahboomd.tools.stop.stop_local import end_tools
-
-    guarded = any(map(is_guard, pids(holders(path))))
-    return bool(_ended(end_tools(os.environ, path))) or guarded
-
-
-def _ended(tools: Iterable[LocalDaemon]) -> list[str]:
-    """Report the tools that were ended; returns their ports."""
-    found = []
-    for tool in tools:
-        for path in tool.ports or serial_ports(tool.pid):
-            warn(f"`yahboomd {tool.tool}` (pid {tool.pid}) has {path}: it is ended.")
-            found.append(path)
-    return found
 
 
 def _explained(path: str, error: OSError, asked: tuple[str, ...]) -> LinkError:

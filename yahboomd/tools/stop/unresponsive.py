@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 import re
 import shlex
@@ -157,21 +156,6 @@ def true_names(text: str, *, proc: str = "/proc") -> str:
         return f"{' '.join(('yahboomd', measuring(pid, proc=proc))).rstrip()} (pid {pid})"
 
     return _PYTHON.sub(named, text)
-
-
-def may_drive(pid: int, port: str, *, proc: str = "/proc") -> bool:
-    """Whether a daemon's command line names this port, or names none.
-
-    A suspended daemon has closed its port, so its descriptors do not show it.
-    """
-    words = arguments(pid, proc=proc)
-    named = [after for word, after in itertools.pairwise(words) if word == "--port"]
-    named += [
-        word.partition("=")[2].strip("\"'")
-        for word in words
-        if word.startswith(("--port=", "serial.port="))
-    ]
-    return not named or not port or os.path.realpath(named[-1]) == os.path.realpath(port)
 
 
 def suspended(pid: int, again: str, *, proc: str = "/proc") -> tuple[str, str]:

@@ -121,7 +121,7 @@ class Stand:
         """
         port = await opener()
         line = Line(port, clock, still_ticks_per_s=STILL_TICKS_PER_S)
-        async with guarded(line, config, say) as guard, line.attended():
+        async with guarded(line, say) as guard, line.attended():
             talk = await Conversation.begin(line)
             dialect = talk.dialect.for_profile(config.profile())
             settings = await talk.read_settings(config.profile().settings)

@@ -250,11 +250,14 @@ class EstopLatch:
         if self._stop.latched is not None:
             self._keeper.engage(self._stop.latched.by)
 
-    def restore_file(self, now_ns: int) -> None:
-        """Have a removed file of an engaged latch written again; looks every 5 s at most."""
-        if self.engaged and now_ns - self._restored_ns >= nanoseconds(RESTORE_EVERY_S):
-            self._restored_ns = now_ns
+    def restore_file(self, now_ns: int) -> bool:
+        """Have a removed file of an engaged latch written again; whether 5 s have passed again."""
+        if now_ns - self._restored_ns < nanoseconds(RESTORE_EVERY_S):
+            return False
+        self._restored_ns = now_ns
+        if self.engaged:
             self._keeper.restore_file()
+        return True
 
     def settle(self) -> bool:
         """Wait half a second at most for the file; return whether it is as the latch. Blocks."""
