@@ -25,7 +25,10 @@ from yahboomd.core.model import (
 NOUNS = [
     each
     for each in vars(model).values()
-    if isinstance(each, type) and issubclass(each, msgspec.Struct) and each is not msgspec.Struct
+    if isinstance(each, type)
+    and issubclass(each, msgspec.Struct)
+    # A cause is a kind and a text, in this order, like a logging call.
+    and each not in {msgspec.Struct, model.Cause}
 ]
 
 

@@ -76,7 +76,7 @@ def test_a_daemon_that_is_killed_crashes_or_freezes_in_motion_leaves_standing_wh
     assert os.getsid(guard) == guard
     with driven(guarded):
         memory = Path(f"/proc/{guard}/status").read_text()
-        assert int(memory.partition("VmRSS:")[2].split()[0]) * 1024 < 14 * 1024 * 1024
+        assert int(memory.partition("VmRSS:")[2].split()[0]) * 1024 < 16 * 1024 * 1024
         daemon.process.send_signal(getattr(signal, name))
         # Nothing but the guard ends a daemon that was stopped.
         status = daemon.end_by_itself()

@@ -308,7 +308,7 @@ async def test_diagnostics_come_once_a_second_and_at_once_when_a_level_changes(
     message = graph.latest("diagnostics")
     assert message["header"]["stamp"] == STAMP
     names = [entry["name"] for entry in message["status"]]
-    assert names == [f"yahboomd: {what}" for what in ("base", "board", "commands", "bus")]
+    assert names == [f"yahboomd: {what}" for what in ("base", "pose", "board", "commands", "bus")]
 
 
 @on_virtual_time
