@@ -271,7 +271,7 @@ CAUSES: dict[str, tuple[Happens, dict[str, object], tuple[str, ...], str]] = {
     "three resets": (_three_resets, {}, (), "The board reset itself 3 times within 10 s"),
     "a limit of 1 mm/s": (
         _drives_on, {}, ("limits.linear.velocity=0.001",),
-        "It drives: cmd_vel drives at a crawl, or not at all: limits.linear.velocity = 0.001 is all that",
+        "drives at a crawl, or not at all: limits.linear.velocity = 0.001 is all that",
     ),
     "an acceleration of 1 mm/s²": (
         _drives_on, {}, ("limits.linear.acceleration=0.001",),
