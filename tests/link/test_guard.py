@@ -7,18 +7,21 @@ import fcntl
 import os
 import resource
 import select
+import shutil
 import signal
 import socket
 import subprocess
 import sys
 import tty
 from collections.abc import Iterator
+from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 
+import yahboomd
 from yahboomd.core.clock import SystemClock
-from yahboomd.core.link import port_note
+from yahboomd.core.link import guard_words, port_note
 from yahboomd.core.link.port import PortOptions, open_port
 from yahboomd.core.link.port_errors import holders
 from yahboomd.core.link.port_guard import ENDS_WITHIN_S, UNSURE, PortGuard
@@ -95,7 +98,7 @@ class Raw:
 class Watched:
     """A process with a guard, whose pulses were marked."""
 
-    def __init__(self, port: Ends, marks: str) -> None:
+    def __init__(self, port: Ends, marks: str, package: Path | None = None) -> None:
         words = (str(port.fd), port_note.text_of(port.note), marks)
         self.process = subprocess.Popen(
             [sys.executable, "-c", WATCHED, *words],
@@ -104,6 +107,7 @@ class Watched:
             pass_fds=(port.fd,),
             start_new_session=True,
             text=True,
+            cwd=package,
         )
         os.close(port.fd)
         assert self.process.stdout is not None
@@ -159,6 +163,31 @@ def test_a_port_that_nobody_can_open_is_stopped_on_the_shared_descriptor(port: E
     assert select.select([port.far], [], [], 30.0)[0]
     assert os.read(port.far, 4096).strip().startswith(STOP)
     os.kill(watched.guard, signal.SIGKILL)
+
+
+def test_a_guard_whose_package_is_removed_goes_on_stopping(port: Ends, tmp_path: Path) -> None:
+    package = Path(yahboomd.__file__).parent
+    shutil.copytree(package, tmp_path / "yahboomd", ignore=shutil.ignore_patterns("__pycache__"))
+    watched = Watched(port, "?+", tmp_path)
+    shutil.rmtree(tmp_path / "yahboomd")
+    watched.kill()
+    stops(port.far)
+    os.kill(watched.guard, signal.SIGKILL)
+
+
+def test_requests_that_come_at_once_cost_one_step() -> None:
+    ours, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    process = subprocess.Popen(["true"])
+    process.wait()
+    guard, heard = PortGuard(lambda _: (process, ours)), list[tuple[int, str]]()
+    guard.begin()
+    guard._on_stop = lambda *request: heard.append(request)
+    for number in range(1, 100):
+        its.send(b"%s %d somebody" % (guard_words.ASKED, number))
+    guard._read()
+    assert heard == [(99, "somebody")]
+    its.close()
+    ours.close()
 
 
 def test_before_the_board_is_known_every_dialect_is_stopped(port: Ends) -> None:

@@ -401,12 +401,13 @@ class PortGuard:
         return b"" if self._channel is None or self._ended else None
 
     def _read(self) -> None:
-        """Read what the guard says: requests are obeyed, answers kept."""
+        """Read what the guard says: the newest request is obeyed, answers are kept."""
+        asked = b""
         while self._channel is not None and not self._ended:
             try:
                 packet = self._channel.recv(words.MAX_BYTES)
             except BlockingIOError:
-                return
+                break
             except OSError:
                 packet = b""
             name, _, value = packet.partition(b" ")
@@ -414,12 +415,15 @@ class PortGuard:
                 self._ended = True
                 self._unwatch()
             elif name == words.ASKED:
-                number, _, by = value.partition(b" ")
-                self._on_stop(int(number), by.decode())
+                asked = value
             elif name == words.SOCKET:
                 self._note_socket(os.fsdecode(value))
             else:
                 self._answers.append(packet)
+        if asked:
+            # One for all that came: each costs a control step, and a flood must not cost promises.
+            number, _, by = asked.partition(b" ")
+            self._on_stop(int(number), by.decode())
 
     def _note_socket(self, found: str) -> None:
         path, why = ("", found.strip()) if found.startswith(" ") else (found, "")

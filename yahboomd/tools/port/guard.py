@@ -58,6 +58,7 @@ NOT_SENT = (
     "It goes on trying."
 )
 ENDED_BEFORE = "yahboomd (pid {pid}) has ended; its guard stops the wheels."
+TRYING = "The wheels may turn, and the guard goes on trying: switch the motors' supply off."
 RELIEVED = "Another yahboomd (its guard is pid {pid}) has {port} now, and sent its stop."
 
 SAID_AFTER_S = (1.0, 10.0)
@@ -68,6 +69,13 @@ FAR_MS = 10**15
 
 NEVER_MS = 60_000
 """A poll without an end: the longest that poll(2) needs."""
+
+_FAILED: dict[law.Action, law.Event] = {
+    "open": law.Opened(ours=False),
+    "look": law.Looked(stand=False),
+    "latch": law.Latched(),
+}
+"""What an action answers that failed in a way that it does not know of, an import perhaps."""
 
 _HELD_BACK = (errno.EAGAIN, errno.EINTR, errno.ETIMEDOUT)
 
@@ -257,14 +265,14 @@ class Guard:
         sentence = ENDED_BEFORE.format(pid=self._charge.owner)
         if self._listening.latch:
             sentence = f"Emergency stop engaged by {self._by}. {sentence}"
-            from pathlib import Path
-
-            from yahboomd.core.daemon.estop.latch_file import LatchFile
-
             try:
+                from pathlib import Path
+
+                from yahboomd.core.daemon.estop.latch_file import LatchFile
+
                 LatchFile(Path(self._listening.latch)).engage(self._by)
-            except OSError as error:
-                sentence += f" It is not on file ({error.strerror}): a restart would release it."
+            except Exception as error:  # noqa: BLE001 - who asked gets an answer in any case
+                sentence += f" It is not on file ({error}): a restart would release it."
         self._answer(sentence, sent=self._seized is not None or not self._state.turning)
         return law.Latched()
 
@@ -276,6 +284,8 @@ class Guard:
             self._answer(words_.format(pid=self._charge.owner, trouble=self._trouble), sent=sent)
 
     def _finish(self, *, stood: bool | None) -> None:
+        # A request that the owner left unanswered.
+        self._answer(ENDED_BEFORE.format(pid=self._charge.owner), sent=True)
         seen = {"stood": stood, "fastest_m_s": 0.0 if stood else None, "why": self._outcome}
         self._stops.finish(self._promise.asked, json.dumps(seen).encode())
 
@@ -290,7 +300,11 @@ class Guard:
         # The owner knows of a stop before that is on the wire.
         self._promise.stop = self._state.stop
         for action in actions:
-            answer = self._carry_out(action)
+            try:
+                answer = self._carry_out(action)
+            except Exception as error:  # noqa: BLE001 - whatever fails, stops go on
+                self._trouble = error
+                answer = _FAILED.get(action)
             if answer is not None:
                 self._take(answer)
             if isinstance(answer, law.Gone):
@@ -354,8 +368,8 @@ class Guard:
     def _look(self) -> law.Event:
         assert self._seized is not None
         if self._why:
-            self._say(f"{self._explained_why()} A stop was sent.")
-            self._why = ""
+            why, self._why = self._explained_why(), ""
+            self._say(f"{why} A stop was sent.")
         if not self._locks():
             # The next owner has it, and did not say yet that it sent its stop.
             return self._send(self._surest) or law.Looked(stand=False)
@@ -405,7 +419,10 @@ class Guard:
         if self._over or time.monotonic() - self._began_s < self._word_s:
             return
         self._word_s = next(self._due_s)
-        unfinished = last_stop.unfinished(self._note, self._trouble)
+        try:
+            unfinished = last_stop.unfinished(self._note, self._trouble)
+        except ImportError as error:
+            unfinished = f"{TRYING} ({error})"
         self._say(f"{self._explained_why()} {unfinished}".lstrip())
         self._why = ""
 
@@ -414,7 +431,9 @@ class Guard:
         poll = select.poll()
         poll.register(self._channel, 0)
         if os.getppid() != self._charge.owner or poll.poll(0):
-            last_stop.say(sentence)
+            # A package that is gone, in an upgrade perhaps, silences it, and no more.
+            with contextlib.suppress(ImportError):
+                last_stop.say(sentence)
 
     def _say_to_owner(self, answer: bytes) -> None:
         with contextlib.suppress(OSError):

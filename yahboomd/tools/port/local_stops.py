@@ -222,9 +222,12 @@ class LocalStops:
         if asked == STATUS:
             with contextlib.suppress(OSError):
                 connection.sock.send(self.facts + b"\n", socket.MSG_NOSIGNAL)
-        elif verb in {NEXT, HELD} and value.isdigit() and _trusted(connection.peer):
+        elif verb in {NEXT, HELD} and value.isdigit():
             self._forget(connection)
-            return [Request(verb=verb, device=int(value), pid=connection.peer.pid)]
+            if _trusted(connection.peer):
+                return [Request(verb=verb, device=int(value), pid=connection.peer.pid)]
+            self.counters["refused"] += 1
+            return []
         else:
             return [self._stop(connection, asked)]
         self._forget(connection)

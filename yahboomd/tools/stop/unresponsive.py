@@ -198,4 +198,4 @@ def unresponsive(name: str, pid: int, state: str, again: str) -> tuple[str, str]
     return f"{name} does not answer{doing}.", remedy
 
 
-_PYTHON = re.compile(r"\b(?:python[\d.]*|yahboomd) \(pid (?P<pid>\d+)\)")
+_PYTHON = re.compile(r"\b(?:python[\d.]*|yahboomd|yahboomd-guard) \(pid (?P<pid>\d+)\)")
