@@ -352,6 +352,7 @@ def test_the_metrics_are_off_until_enabled_and_outlive_the_daemon(bench) -> None
         wait_until(lambda: 'yahboomd_up{robot="yahboomd"} 1' in page(), "both are back")
     finally:
         machine.run("systemctl", "disable", "--now", unit)
+        machine.run(PYTHON, "-c", ADDRESS, "127.0.0.1")
     bench.drive()
 
 
@@ -366,6 +367,16 @@ def ask(method, path, token=""):
     return answer.status, answer.read().decode()
 print(*ask("GET", "/session"), *ask("POST", "/session", sys.argv[1]))
 """
+
+
+ADDRESS = """
+import fcntl, socket, struct, sys
+for name, address in zip(("lo", "lo:1"), sys.argv[1:]):
+    inet = struct.pack("HH4s8x", socket.AF_INET, 0, socket.inet_aton(address))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
+        fcntl.ioctl(link, 0x8916, struct.pack("16s16s8x", name.encode(), inet))
+"""
+"""Gives the loopback these addresses (SIOCSIFADDR): the machine has no other network."""
 
 
 @main_claim
@@ -384,6 +395,8 @@ def test_the_page_is_off_until_installed_and_its_tokens_are_in_no_journal(bench)
         assert 61184 <= int(machine.show(unit, "UID")) <= 65519
         machine.run("yahboomd", "install", "--web", "--listen", "0.0.0.0:8480")
         wait_until(lambda: entered("wrong").startswith("401"), "the page wants a link")
+        assert "no address on a network" in machine.run("yahboomd", "web", "--show-link")
+        machine.run(PYTHON, "-c", ADDRESS, "192.0.2.7", "127.0.0.1")
         links = machine.run("yahboomd", "web", "--show-link")
         tokens = re.findall(r"#token=([\w-]{22})", links)
         assert len(set(tokens)) == 2
