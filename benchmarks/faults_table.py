@@ -78,7 +78,7 @@ class Robot:
             *("--control", str(self.control), *slow),
         )
         rig.wait_for(lambda: self.port.exists() or None, "the board")
-        if before == NOBODY:
+        if before == AS_A_USER:
             folder.chmod(0o711)
             for path in (folder / "run", folder / "state", Path(os.path.realpath(self.port))):
                 os.chown(path, 65534, 65534)
@@ -318,7 +318,7 @@ def of_two_robots(robot: Robot) -> int:
     return at_ns
 
 
-NOBODY = ("setpriv", "--reuid=65534", "--regid=65534", "--clear-groups")
+AS_A_USER = ("setpriv", "--reuid=65534", "--regid=65534", "--clear-groups")
 TERMINAL = (sys.executable, "-c", "import pty, sys; pty.spawn(sys.argv[1:])")
 FULL = """
 mount -t tmpfs -o size=64k none "$STATE_DIRECTORY"
@@ -353,7 +353,7 @@ FAULTS: dict[str, tuple[str, Callable[[Robot], int], tuple[str, ...]]] = {
     "killed while unplugged for 2 s": ("run", board("unplug", then="replug", after_s=2.0), ()),
     "unplugged for 2 s": ("run", unplug, ()),
     "killed without free descriptors": ("run", no_descriptors, ()),
-    "killed without room for a process": ("run", no_process, NOBODY),
+    "killed without room for a process": ("run", no_process, AS_A_USER),
     "killed as first process of a container": ("run", Robot.kill, ("unshare", "--pid", "--fork")),
     "killed in a container with an init": ("run", Robot.kill, INIT),
     **{

@@ -35,11 +35,11 @@ MOST_CODE = {
     "blackbox": 1265,
     "cli": 5027,
     "client": 1908,
-    "core": 17153,
+    "core": 17119,
     "moves": 2082,
     "ros2": 1255,
     "simulation": 3152,
-    "tools": 11865,
+    "tools": 11884,
     "web": 3364,
 }
 """The lines of code of each door. They only shrink: a commit that raises one gives the reason, and

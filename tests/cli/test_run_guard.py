@@ -112,6 +112,17 @@ def left_without_its_port(robot: RealRobot) -> int:
     return guard
 
 
+def left_beside_a_mute_board(robot: RealRobot) -> int:
+    """Kill in motion while the board is deaf and mute; the guard, which says so."""
+    (guard,) = guards(robot.daemon.pid)
+    with driven(robot):
+        assert robot.do("loss 1") == "ok"
+        robot.daemon.process.kill()
+        robot.daemon.process.wait()
+    wait_for(lambda: "no board answers" in robot.daemon.output, "the guard says what it sees")
+    return guard
+
+
 @pytest.mark.realtime
 def test_no_program_that_has_the_port_of_a_killed_daemon_is_believed_to_stop_its_wheels(
     guarded: RealRobot,
@@ -143,12 +154,7 @@ def test_a_board_that_hears_nothing_for_a_while_is_stopped_when_it_hears_again(
     guarded: RealRobot,
 ) -> None:
     daemon = guarded.daemon
-    (guard,) = guards(daemon.pid)
-    with driven(guarded):
-        assert guarded.do("loss 1") == "ok"
-        daemon.process.kill()
-        daemon.process.wait()
-    wait_for(lambda: "no board answers" in daemon.output, "the guard says what it sees")
+    guard = left_beside_a_mute_board(guarded)
     (holder,) = holders(str(guarded.port))
     assert holder == f"yahboomd-guard (pid {guard})"
     assert not guarded.stands()
@@ -175,13 +181,7 @@ def test_a_guard_ends_without_the_port_for_the_next_daemon_once_that_is_connecte
 def test_the_guard_of_a_mute_board_lends_the_port_and_ends_once_the_next_owner_sent_its_stop(
     guarded: RealRobot,
 ) -> None:
-    killed = guarded.daemon
-    (guard,) = guards(killed.pid)
-    with driven(guarded):
-        assert guarded.do("loss 1") == "ok"
-        killed.process.kill()
-        killed.process.wait()
-    wait_for(lambda: "no board answers" in killed.output, "the guard says what it sees")
+    guard = left_beside_a_mute_board(guarded)
     daemon = guarded.start_daemon()
     daemon.says("no board answers")
     # Without a board that answers no stop is known to have been heard.

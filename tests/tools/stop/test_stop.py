@@ -162,7 +162,10 @@ def test_a_note_of_a_port_that_is_gone_does_not_keep_the_wheels_turning(
     board.drive()
     board.kill_owner()
     monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
-    gone = note_of("/dev/null")._replace(path=str(tmp_path / "gone"))
+    noted = note_of(board.port)
+    assert noted.device is not None
+    away = noted.device._replace(number=os.makedev(188, 0), node="gone")
+    gone = noted._replace(path=str(tmp_path / "gone"), device=away)
     port_note.write(gone, str(tmp_path))
     config = tmp_path / "config.toml"
     config.write_text(f'[serial]\nport = "{board.port}"\n')

@@ -8,6 +8,7 @@ import contextlib
 import json
 import os
 import socket
+import threading
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any
@@ -313,3 +314,29 @@ def test_a_stop_that_could_not_be_sent_has_its_reason_and_one_remedy() -> None:
     robot = LocalDaemon("/run/c", 3, ports=("/nonexistent/board",))
     advice = " The wheels may still turn: switch the motor supply off."
     assert stop_local._outcome(robot, lines).words == message + advice
+
+
+def test_no_socket_waits_for_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    together = threading.Barrier(3, timeout=60.0)
+
+    class Stuck(stop_local.Talk):
+        def __init__(self, path: str, request: bytes) -> None:
+            self.path = f"{path} {request.decode()}"
+            together.wait()
+
+    monkeypatch.setattr(stop_local, "Talk", Stuck)
+    talks = stop_local.ask_each([("a", b"1"), ("b", b"2"), ("c", b"3")])
+    assert [talk.path for talk in talks] == ["a 1", "b 2", "c 3"]
+
+
+def test_without_room_for_a_thread_each_is_asked_all_the_same(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def start(_: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(threading.Thread, "start", start)
+    talks = stop_local.ask_each([("/none", b"")] * 2)
+    assert [talk.connected for talk in talks] == [False, False]
+    for talk in talks:
+        talk.close()

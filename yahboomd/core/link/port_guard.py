@@ -326,7 +326,9 @@ class PortGuard:
     def stop_counts(self) -> tuple[int, int, int]:
         """Local stops, connections that were refused, and those that ended without a request."""
         promise = self._promise
-        return (0, 0, 0) if promise is None else (promise.asked, *promise.turned_away)
+        if promise is None:
+            return 0, 0, 0
+        return promise.asked, promise.refused, promise.dropped
 
     # The end.
 

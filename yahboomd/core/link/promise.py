@@ -11,7 +11,15 @@ import os
 
 SIZE = 4096
 
-_UNTIL_MS, _STOP, _ACKNOWLEDGED, _LET_GO, _ASKED, _OBEYED, _REFUSED, _DROPPED = range(8)
+
+class _Word(int):
+    """The place of one of the numbers."""
+
+    def __get__(self, promise: Promise, _class: type[Promise]) -> int:
+        return promise.words[self]
+
+    def __set__(self, promise: Promise, value: int) -> None:
+        promise.words[self] = value
 
 
 class Promise:
@@ -19,73 +27,23 @@ class Promise:
 
     Args:
         fd: The memory; from :func:`memory`.
+
+    Attributes:
+        until_ms: When it lapses, on the monotonic clock; 0 once the wheels were seen to stand.
+        stop: The number of the guard's newest stop.
+        acknowledged: The number of the stop after which the owner may command motion again.
+        let_go: The motors are without power: a zero speed would start the board's loop.
+        asked: The number of the newest stop that a program of this machine asked the guard for.
+        obeyed: The number of the newest one for which the owner engaged its emergency stop.
+        refused: Connections for stops that were refused.
+        dropped: Those that ended without a request.
     """
 
+    until_ms, stop, acknowledged, let_go = map(_Word, range(4))
+    asked, obeyed, refused, dropped = map(_Word, range(4, 8))
+
     def __init__(self, fd: int) -> None:
-        self._words = memoryview(mmap.mmap(fd, SIZE)).cast("q")
-
-    @property
-    def until_ms(self) -> int:
-        """When it lapses, on the monotonic clock; 0 once the wheels were seen to stand."""
-        return self._words[_UNTIL_MS]
-
-    @until_ms.setter
-    def until_ms(self, value: int) -> None:
-        self._words[_UNTIL_MS] = value
-
-    @property
-    def let_go(self) -> bool:
-        """Whether the motors are without power: a zero speed would start the board's loop."""
-        return self._words[_LET_GO] != 0
-
-    @let_go.setter
-    def let_go(self, value: bool) -> None:
-        self._words[_LET_GO] = value
-
-    @property
-    def stop(self) -> int:
-        """The number of the guard's newest stop."""
-        return self._words[_STOP]
-
-    @stop.setter
-    def stop(self, value: int) -> None:
-        self._words[_STOP] = value
-
-    @property
-    def acknowledged(self) -> int:
-        """The number of the stop after which the owner may command motion again."""
-        return self._words[_ACKNOWLEDGED]
-
-    @acknowledged.setter
-    def acknowledged(self, value: int) -> None:
-        self._words[_ACKNOWLEDGED] = value
-
-    @property
-    def asked(self) -> int:
-        """The number of the newest stop that a program of this machine asked the guard for."""
-        return self._words[_ASKED]
-
-    @asked.setter
-    def asked(self, value: int) -> None:
-        self._words[_ASKED] = value
-
-    @property
-    def obeyed(self) -> int:
-        """The number of the newest one for which the owner engaged its emergency stop."""
-        return self._words[_OBEYED]
-
-    @obeyed.setter
-    def obeyed(self, value: int) -> None:
-        self._words[_OBEYED] = value
-
-    @property
-    def turned_away(self) -> tuple[int, int]:
-        """Connections for stops that were refused, and that ended without a request."""
-        return self._words[_REFUSED], self._words[_DROPPED]
-
-    @turned_away.setter
-    def turned_away(self, value: tuple[int, int]) -> None:
-        self._words[_REFUSED], self._words[_DROPPED] = value
+        self.words = memoryview(mmap.mmap(fd, SIZE)).cast("q")
 
 
 def memory() -> int:

@@ -93,7 +93,7 @@ class Guard:
         asked = None if promise.asked == promise.obeyed else _now_ms()
         self._state = law.State(stop=promise.stop, asked=asked, due=asked)
         self._stops = LocalStops(promise.asked)
-        self._turned_away = promise.turned_away
+        self._refused, self._dropped = promise.refused, promise.dropped
         self._listening = words.Listening("", "")
         self._by = "the local socket"
         self._later: Request | None = None
@@ -175,9 +175,7 @@ class Guard:
                 self._take(law.Shared())
         elif name == words.STOP:
             self._brake, self._surest = (bytes.fromhex(each.decode()) for each in value.split())
-            if self._seized is not None:
-                device = os.fstat(self._seized.fd).st_rdev
-                tell_others(self._listening.folder, self._stops.path, words.HELD, device)
+            self._tell_held()
         elif name == words.CLOSE:
             self._take(law.CloseAsked())
         elif name == words.LISTEN:
@@ -188,6 +186,8 @@ class Guard:
                 self._say_to_owner(b"%s  %s" % (words.SOCKET, str(error).encode()))
             else:
                 self._say_to_owner(b"%s %s" % (words.SOCKET, os.fsencode(self._stops.path)))
+            # Again and again: a guard that missed it would stop this owner's wheels.
+            self._tell_held()
         elif name == words.FACTS:
             self._stops.facts = value
         elif name in {words.ANSWERED, words.SEEN}:
@@ -196,6 +196,12 @@ class Guard:
             tell(int(number), line)
         elif name == words.WANTED:
             tell_others(self._listening.folder, self._stops.path, words.NEXT, int(value))
+
+    def _tell_held(self) -> None:
+        """Tell the guard of a dead owner that this one has its device, and sent its stop."""
+        if self._seized is not None and self._surest:
+            device = os.fstat(self._seized.fd).st_rdev
+            tell_others(self._listening.folder, self._stops.path, words.HELD, device)
 
     def _read_promise(self) -> None:
         # The owner renews its promise before it acknowledges a stop.
@@ -232,9 +238,9 @@ class Guard:
                 self._later = request
             else:
                 self._hand_over(request)
-        refused, dropped = self._turned_away
         counters = self._stops.counters
-        self._promise.turned_away = refused + counters["refused"], dropped + counters["dropped"]
+        self._promise.refused = self._refused + counters["refused"]
+        self._promise.dropped = self._dropped + counters["dropped"]
 
     def _hand_over(self, request: Request) -> None:
         """Let the next owner of the same device have the port; end once it has sent its stop."""

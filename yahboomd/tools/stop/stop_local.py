@@ -11,6 +11,7 @@ import json
 import os
 import socket
 import struct
+import threading
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from glob import escape as glob_escape
@@ -68,13 +69,14 @@ class Talk:
 
     def read(self, lines: int, until_s: float) -> None:
         """Read until there are this many lines, or no more come."""
-        while self.connected and len(self.lines) < lines:
-            left = _timeval(max(0.001, until_s - time.monotonic()))
-            self._sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, left)
+        left_s = max(0.001, until_s - time.monotonic())
+        while self.connected and len(self.lines) < lines and left_s > 0.0:
+            self._sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, _timeval(left_s))
             try:
                 data = self._sock.recv(MAX_BYTES)
             except OSError:
                 return
+            left_s = until_s - time.monotonic()
             self._data += data
             if not data or len(self._data) > MAX_BYTES:
                 return
@@ -89,8 +91,30 @@ class Talk:
         self._sock.close()
 
 
+def ask_each(requests: Iterable[tuple[str, bytes]]) -> list[Talk]:
+    """Ask at several sockets at once, so that one that is stuck holds no other stop up."""
+    talks: dict[int, Talk] = {}
+
+    def ask(number: int, path: str, request: bytes) -> None:
+        talks[number] = Talk(path, request)
+
+    asking = [threading.Thread(target=ask, args=(n, *each)) for n, each in enumerate(requests)]
+    for thread in asking:
+        try:
+            thread.start()
+        except RuntimeError:
+            # There is no room for a thread.
+            thread.run()
+    for thread in asking:
+        if thread.ident is not None:
+            thread.join()
+    return [talks[number] for number in range(len(asking))]
+
+
 def _timeval(seconds: float) -> bytes:
-    return struct.pack("ll", int(seconds), int(seconds % 1 * 1e6))
+    # Zero would be no limit.
+    micros = max(1, int(seconds * 1e6))
+    return struct.pack("ll", micros // 1_000_000, micros % 1_000_000)
 
 
 class DaemonChoice(NamedTuple):
@@ -188,13 +212,12 @@ class LocalStops:
         It does not wait for the others: their guards have the request.
         """
         self.wanted = wanted
+        meant = list[LocalDaemon]()
         for robot in found:
             if not robot.silent:
                 self.answering.append(robot)
-            if wanted.fits(robot):
-                self._meant.append((robot, Talk(robot.socket, STOP)))
-            else:
-                self.others.append(robot)
+            (meant if wanted.fits(robot) else self.others).append(robot)
+        self._meant = [*zip(meant, ask_each((each.socket, STOP) for each in meant), strict=True)]
         until_s = time.monotonic() + ENGAGED_WITHIN_S
         for robot, talk in self._meant:
             if not (robot.silent or robot.command):
@@ -219,7 +242,7 @@ class LocalStops:
 
 def find(environ: Mapping[str, str], within_s: float | None = None) -> list[LocalDaemon]:
     """The daemons and tools of this machine that this user may stop."""
-    talks = [Talk(path, STATUS) for path in sockets(environ)]
+    talks = ask_each((path, STATUS) for path in sockets(environ))
     until_s = time.monotonic() + (STATUS_WITHIN_S if within_s is None else within_s)
     for talk in talks:
         talk.read(1, until_s)
