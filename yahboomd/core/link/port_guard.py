@@ -280,11 +280,11 @@ class PortGuard:
             on_stop: Takes the number of a stop, and who asks for it; it calls :meth:`obey`.
 
         Returns:
-            Whether it listens.
+            False if it does not listen, though there should be a guard.
         """
         self._listening, self._on_stop = listening, on_stop
         if self._channel is None:
-            return False
+            return self._start is None
         self._loop = asyncio.get_running_loop()
         self._watch()
         self._tell(words.LISTEN, json.dumps(listening).encode())
