@@ -33,13 +33,13 @@ def test_the_path_for_a_reader_is_there_and_can_be_read_in_a_day() -> None:
 
 MOST_CODE = {
     "blackbox": 1265,
-    "cli": 5027,
+    "cli": 5030,
     "client": 1908,
     "core": 17119,
     "moves": 2082,
     "ros2": 1255,
-    "simulation": 3152,
-    "tools": 11884,
+    "simulation": 3154,
+    "tools": 11908,
     "web": 3364,
 }
 """The lines of code of each door. They only shrink: a commit that raises one gives the reason, and

@@ -223,7 +223,7 @@ def test_a_calibration_by_tape_through_the_page_writes_the_true_size(
 
 MEASURED = {
     "straight": ("length", "left"),
-    "turn": ("side", "beyond"),
+    "turn": ("beyond",),
     "sideways": ("length",),
     "square": ("ahead", "left", "heading"),
 }
@@ -233,7 +233,7 @@ QUESTIONS = [
     for way in ((None,) if run == "straight" else ("left", "right"))
     for name in ("move", "moved", *measured)
 ] + [{"name": "rest"}, {"name": "turned"}]
-"""All that a person is asked to do, and to measure."""
+"""All that a person is asked to do, and to measure; the side to which it went has no picture."""
 
 LOOK = """async (asked) => {
     const { picture } = await import('/page/calibrate_pictures.js');

@@ -194,12 +194,13 @@ class TapeAndMarks:
         begin, end = self._begin, self._truth()
         dx, dy, turned = end.x - begin.x, end.y - begin.y, end.theta - begin.theta
         cos, sin = math.cos(begin.theta), math.sin(begin.theta)
+        across = cos * dy - sin * dx
         return {
             "length": math.hypot(dx, dy),
             "ahead": 1e3 * (cos * dx + sin * dy),
-            "left": 1e3 * (cos * dy - sin * dx),
+            "left": 1e3 * across,
             "heading": math.degrees(math.remainder(turned, 2.0 * math.pi)),
-            "side": 1.0 if turned > 0.0 else 2.0,
+            "side": 2.0 - ((across if self.runs[-1].startswith("sideways") else turned) > 0.0),
             "beyond": math.degrees(abs(turned)) - 360.0 * self._turns,
         }[question.name]
 

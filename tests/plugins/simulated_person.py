@@ -104,6 +104,8 @@ class SimulatedPerson:
                 return "w" if "w:" in question else "q"
             self.repair()
             return ""
+        if question.startswith("Seen from above, do the rollers"):
+            return "y" if self._bench.robot.options.sideways > 0.0 else "n"
         for start, answer in self.others.items():
             if question.startswith(start):
                 if isinstance(answer, str):

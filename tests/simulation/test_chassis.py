@@ -117,3 +117,11 @@ def test_rollers_that_slip_go_less_far_to_the_side_alone() -> None:
     assert base.body([-1.0, 1.0, 1.0, -1.0]) == pytest.approx((0.0, 0.8, 0.0))
     assert base.body([1.0, 1.0, 1.0, 1.0]) == pytest.approx((1.0, 0.0, 0.0))
     assert base.body([-1.0, -1.0, 1.0, 1.0]) == pytest.approx((0.0, 0.0, 5.0))
+
+
+def test_rollers_that_are_mounted_mirrored_go_to_the_other_side_and_turn_nothing() -> None:
+    parts = shares("mecanum", FOUR_WHEELS, wheel_separation_m=0.2, wheel_base_m=0.2, sideways=-0.8)
+    base = ChassisTruth(parts)
+    assert base.body([-1.0, 1.0, 1.0, -1.0]) == pytest.approx((0.0, -0.8, 0.0))
+    assert base.body([1.0, 1.0, 1.0, 1.0]) == pytest.approx((1.0, 0.0, 0.0))
+    assert base.body([-1.0, -1.0, 1.0, 1.0]) == pytest.approx((0.0, 0.0, 0.0))

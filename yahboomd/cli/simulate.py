@@ -66,7 +66,10 @@ ROBOT = (
     ("--wheel-radius", "M", "wheel_radius_m", "true radius of the wheels"),
     ("--wheel-separation", "M", "wheel_separation_m", "from the left wheels to the right ones"),
     ("--wheel-base", "M", "wheel_base_m", "from axle to axle, for mecanum and ackermann"),
-    ("--sideways", "SHARE", "sideways", "way to the side per metre that mecanum wheels roll"),
+    (
+        *("--sideways", "SHARE", "sideways"),
+        "way to the side per metre that mecanum wheels roll; negative: rollers mounted mirrored",
+    ),
     ("--lines", "N", "lines", "encoder lines of the motors"),
     ("--ratio", "X", "ratio", "their true gear ratio"),
     ("--battery", "V", "battery_volts", "the battery at rest"),

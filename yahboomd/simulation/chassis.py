@@ -37,7 +37,8 @@ def shares(
 
     A side with several wheels moves as their mean; so do the rear wheels of a car whose board turns
     no steering. Mecanum is the least-squares inverse of
-    v = vx -+ vy -+ (half base + half track) wz, with the slip of its rollers to the side.
+    v = vx -+ vy -+ (half base + half track) wz, with the slip of its rollers to the side. Rollers
+    that are mounted mirrored push on the base along lines through its middle: nothing turns it.
     """
     match drive:
         case "mecanum":
@@ -46,7 +47,7 @@ def shares(
                 (
                     0.25,
                     0.25 * sideways * _MECANUM[wire.corner][0],
-                    0.25 * _MECANUM[wire.corner][1] / arm_m,
+                    0.25 * _MECANUM[wire.corner][1] / arm_m if sideways > 0.0 else 0.0,
                 )
                 for wire in motors
             )

@@ -120,6 +120,7 @@ class SimulationOptions(msgspec.Struct, frozen=True, kw_only=True):
         wheel_separation_m: The true (effective) track.
         wheel_base_m: Distance between the axles, for mecanum and ackermann.
         sideways: The true way to the side for each metre that the wheels roll, for mecanum.
+            Negative: its rollers are mounted mirrored.
         max_speed_m_s: Rim speed at full output.
         motor_dead_zone: Friction of motors that turn: the output that it takes at the rated
             supply, in PWM units. Below it they do not turn.
@@ -189,7 +190,7 @@ MOST = 1e9
 """The greatest length, period or ratio."""
 
 _POSITIVE = (
-    *("lines", "ratio", "wheel_radius_m", "wheel_separation_m", "wheel_base_m", "sideways"),
+    *("lines", "ratio", "wheel_radius_m", "wheel_separation_m", "wheel_base_m"),
     *("max_speed_m_s", "time_constant_s", "rated_volts", "loop_gain", "baud"),
 )
 
@@ -206,6 +207,8 @@ def check(options: SimulationOptions) -> None:
         if not 0.0 < (value := getattr(options, name)) <= MOST
     ]
     mistakes += _wiring_mistakes(options)
+    if not 0.0 < abs(options.sideways) <= MOST:
+        mistakes.append(f"sideways must not be {options.sideways}")
     for name, values, least in (
         ("friction_scales", options.friction_scales, 0.0),
         ("sticks", options.sticks, 1.0),

@@ -120,8 +120,8 @@ async def test_a_mecanum_base_goes_to_both_sides_and_gets_three_multipliers(tmp_
         await bench.ready()
         person = await calibrated(bench, choices, tmp_path)
     asked = [name for name in person.asked if name != "move"]
-    assert asked == ["length", "side", "beyond", "beyond", "length", "length"]
-    assert person.runs[-2:] == ["sideways left", "sideways right"]
+    assert asked == ["side", "length", "length", "length", "side", "beyond", "beyond"]
+    assert person.runs[:2] == ["sideways left", "sideways right"]
     assert person.facts["refused"] == []
     found: dict[str, Any] = person.facts["chassis"]
     assert found["wheel_radius_multiplier"]["rear_left"] == pytest.approx(0.0345 / 0.0335, rel=2e-3)
@@ -129,6 +129,16 @@ async def test_a_mecanum_base_goes_to_both_sides_and_gets_three_multipliers(tmp_
     assert found["sideways_multiplier"] == pytest.approx(0.87, rel=5e-3)
     written = (tmp_path / "calibration.toml").read_text()
     assert f"sideways_multiplier = {found['sideways_multiplier']}" in written
+
+
+@on_virtual_time
+async def test_wheels_that_are_mounted_mirrored_are_named(tmp_path: Path) -> None:
+    base = ("chassis.preset=mecanum", "chassis.wheel_base_m=0.15")
+    robot = SimulationOptions(drive="mecanum", sideways=-0.87)
+    async with RobotBench(tmp_path, base, robot) as bench:
+        await bench.ready()
+        with pytest.raises(Refused, match="Exchange the left and the right wheel of each axle"):
+            await calibrated(bench, TapeRuns(sideways_m=0.6, speed_m_s=0.4), tmp_path)
 
 
 class _SaysRight(TapeAndMarks):

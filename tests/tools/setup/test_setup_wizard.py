@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import itertools
 import math
 import os
@@ -9,6 +10,7 @@ import random
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 from board_bench import LinkBench
 from floor_options import floor_options
@@ -33,7 +35,7 @@ from yahboomd.simulation.motors import FAULTS
 from yahboomd.simulation.options import FOUR_WHEELS, TWO_WHEELS, Wiring, at_plug
 from yahboomd.simulation.rosmaster.rosmaster_flash import RosmasterStored
 from yahboomd.simulation.virtual_time import on_virtual_time
-from yahboomd.tools.setup.outcome import SetupOutcome
+from yahboomd.tools.setup.outcome import SetupOutcome, next_steps
 from yahboomd.tools.setup.robot_file import as_toml, write_robot
 
 
@@ -137,6 +139,28 @@ async def test_a_mecanum_car_of_the_other_board_is_found_and_its_sensor_noticed(
     assert connected(found) == true_wiring(bench)
     assert found.imu == "mpu9250"
     await drives_straight_and_turns_left(bench, found, tmp_path)
+
+
+@pytest.mark.parametrize("mirrored", [True, False])
+@on_virtual_time
+async def test_mirrored_rollers_are_named_and_the_others_go_to_the_commanded_side(
+    mirrored: bool, tmp_path: Path
+) -> None:
+    bench = LinkBench(drive="mecanum", sideways=-0.9 if mirrored else 0.9)
+    found = await set_up(bench, msgspec.structs.replace(FOUR, kinematics="mecanum"))
+    path = tmp_path / "robot.toml"
+    assert ("Exchange the left and" in next_steps(found, path)) == mirrored
+    write_robot(path, as_toml(found.description, found.wiring), overwrite=True)
+    robot = RobotBench(tmp_path, file=path)
+    robot.robot = bench.robot
+    async with robot:
+        await robot.ready()
+        before_m = robot.robot.plant.chassis.pose.y
+        for _ in range(30):
+            robot.payload(b'{"vx": 0.0, "vy": 0.3, "wz": 0.0}')
+            await asyncio.sleep(0.05)
+        went_m = robot.robot.plant.chassis.pose.y - before_m
+        assert (went_m < -0.15) if mirrored else (went_m > 0.15)
 
 
 @on_virtual_time

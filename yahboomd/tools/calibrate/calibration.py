@@ -89,10 +89,11 @@ async def calibrate(
     measured = MeasuredRuns(driver, person, choices)
     beside: list[SidewaysRun] = []
     if isinstance(choices, TapeRuns):
+        if holonomic:
+            # Before the turns: wheels that are mounted mirrored do not turn it.
+            beside = await measured.sideways(choices.sideways_m)
         # The rollers of a mecanum base bend it, too.
         runs = await measured.by_tape(choices, bend=not holonomic)
-        if holonomic:
-            beside = await measured.sideways(choices.sideways_m)
         bent = any(run.kind == "pose" for run in runs)
         method, free = "tape", PARTS if bent else PARTS[::2]
     else:

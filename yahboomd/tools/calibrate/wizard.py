@@ -37,14 +37,21 @@ BEYOND = Number(
     wrong="A number of degrees, such as 12.5 or -8.",
     blank=0.0,
 )
-SIDE = Number(
-    "side",
-    "To which side did it turn, seen from above? 1: to the left, 2: to the right (empty: left)",
-    unit="1 or 2",
-    good=lambda value: value in {1.0, 2.0},
-    wrong="1 for the left, or 2 for the right.",
-    blank=1.0,
-)
+
+
+def side(did: str) -> Number:
+    """The question for the side to which it did something."""
+    return Number(
+        "side",
+        f"To which side did it {did}, seen from above? 1: to the left, 2: to the right "
+        "(empty: left)",
+        unit="1 or 2",
+        good=lambda value: value in {1.0, 2.0},
+        wrong="1 for the left, or 2 for the right.",
+        blank=1.0,
+    )
+
+
 HEADING = Number(
     *("heading", "How many degrees to the left does it point? (empty: not measured)", "deg"),
     good=lambda value: abs(value) <= 360.0,
@@ -105,7 +112,7 @@ class MeasuredRuns:
         """
         if self._driver.gyro_rad > 0.5 * whole:
             return
-        if await self._person.number(SIDE) == 2.0:
+        if await self._person.number(side("turn")) == 2.0:
             raise Refused(
                 "It turned to the right where a turn to the left was commanded: the plugs of the "
                 "left and the right motors are exchanged. Nothing was written. Compare the plugs "
@@ -124,6 +131,12 @@ class MeasuredRuns:
                 sideways(side_m if left else -side_m, self._choices.speed_m_s),
                 f"{side_m:g} m to the {way}, sideways: mark the robot's place.",
             )
+            if left and await self._person.number(side("go")) == 2.0:
+                raise Refused(
+                    "It went to the right where the left was commanded: its wheels are mounted "
+                    "mirrored. Nothing was written. Exchange the left and the right wheel of each "
+                    "axle: seen from above the rollers must form an X."
+                )
             steps = self._driver.gathered_sideways()
             measured = await self._length(float(abs(steps[1].sum())))
             runs.append(SidewaysRun(*steps, measured, TAPE_STD_M))

@@ -20,6 +20,7 @@ class SetupOutcome(msgspec.Struct, frozen=True, kw_only=True):
         dialect: The board's protocol.
         gear: Whether the wheels turn as far as counted.
         imu: The board's inertial sensor; empty for none.
+        rollers: What to repair about the rollers of mecanum wheels.
     """
 
     port: str
@@ -28,6 +29,7 @@ class SetupOutcome(msgspec.Struct, frozen=True, kw_only=True):
     wiring: WiringFound
     gear: GearSeen = GearSeen()
     imu: str = ""
+    rollers: str = ""
 
 
 def result(found: SetupOutcome, path: Path) -> str:
@@ -42,6 +44,7 @@ def result(found: SetupOutcome, path: Path) -> str:
         "faults": found.wiring.faults,
         "gear": found.gear.verdict,
         "imu": found.imu or None,
+        "rollers": found.rollers or None,
     }
     return msgspec.json.encode(facts).decode()
 
@@ -52,8 +55,8 @@ def next_steps(found: SetupOutcome, path: Path) -> str:
     for motor in found.wiring.motors:
         way = ", mounted the other way round" if motor.sign < 0 else ""
         lines.append(f"  {plain(motor.wheel):<12} M{motor.position}{way}")
-    if found.gear.words:
-        lines += ["", *textwrap.wrap(found.gear.words, 96)]
+    for words in filter(bool, (found.gear.words, found.rollers)):
+        lines += ["", *textwrap.wrap(words, 96)]
     lines.append("")
     if found.wiring.faults:
         lines += ["Repair these faults first: the daemon cuts a wheel that does not obey.", ""]

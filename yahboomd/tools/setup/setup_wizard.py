@@ -45,6 +45,10 @@ from yahboomd.tools.terminal.terminal_questions import (
     say_points,
 )
 
+MIRRORED = (
+    "Exchange the left and the right wheel of each axle: seen from above the rollers must form an "
+    "X. As they are, the robot goes to the wrong side and hardly turns."
+)
 RESEND_S = 0.1
 """The period in which an output is repeated: the board may lose a frame."""
 
@@ -105,6 +109,7 @@ class Wizard:
             by_hand=by_hand or not dialect.most_output,
         )
         description, gear = await self._geared(description, gear)
+        holonomic = unit_geometry(description.kinematics).holonomic
         return SetupOutcome(
             port=self._port,
             dialect=dialect.name,
@@ -112,6 +117,7 @@ class Wizard:
             wiring=wiring,
             gear=gear,
             imu=self._imu,
+            rollers=await self._rollers() if holonomic else "",
         )
 
     def _may_turn(self) -> None:
@@ -227,6 +233,17 @@ class Wizard:
                 gear = GearSeen() if wiring.faults else await last_look.look(wiring)
                 if gear is not None:
                     return wiring, gear
+
+    async def _rollers(self) -> str:
+        """What to repair about the rollers, which no counter shows."""
+        say_heading("The rollers")
+        question = "Seen from above, do the rollers of the four wheels form an X? [y/n]"
+        try:
+            crossed = await agrees(self._person, question, hint="", blank=None)
+        except Refused:
+            # The input has ended.
+            return ""
+        return "" if crossed else MIRRORED
 
     def _on_imu(self, reading: ImuReading) -> None:
         self._imu = reading.sensor.name
