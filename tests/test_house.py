@@ -35,11 +35,11 @@ MOST_CODE = {
     "blackbox": 1265,
     "cli": 5030,
     "client": 1908,
-    "core": 17119,
+    "core": 17050,
     "moves": 2082,
     "ros2": 1255,
     "simulation": 3154,
-    "tools": 11908,
+    "tools": 11977,
     "web": 3364,
 }
 """The lines of code of each door. They only shrink: a commit that raises one gives the reason, and
@@ -84,7 +84,7 @@ def test_the_guard_alone_listens_for_local_stops_and_stops_what_its_owner_left()
     assert naming('"guard.py"') == {"tools/port/charge.py"}
     # The simulation's console, and the notices of the service manager.
     assert naming("socket.AF_UNIX") == {
-        *("core/link/local_socket.py", "tools/port/charge.py", "tools/stop/stop_local.py"),
+        *("tools/port/charge.py", "tools/stop/local_socket.py", "tools/stop/stop_local.py"),
         *("core/daemon/process.py", "cli/simulate.py"),
         "simulation/port_link.py",
     }

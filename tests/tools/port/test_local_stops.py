@@ -17,12 +17,12 @@ from typing import Any
 
 import pytest
 
-from yahboomd.core.link.local_socket import Peer, peer_of, tell_others
 from yahboomd.tools.port.local_stops import (
     MAX_SILENT,
     MAX_WAITING,
     LocalStops,
 )
+from yahboomd.tools.stop.local_socket import Peer, peer_of, tell_others
 
 
 @pytest.fixture

@@ -31,7 +31,6 @@ if __name__ == "__main__":
 
 from yahboomd.core.link import guard_words as words
 from yahboomd.core.link import port_note
-from yahboomd.core.link.local_socket import tell_others
 from yahboomd.core.link.port_note import PortNote
 from yahboomd.core.link.promise import Promise
 from yahboomd.core.link.seize import Seized, stop_again
@@ -39,6 +38,7 @@ from yahboomd.tools.port import guard_law as law
 from yahboomd.tools.port.charge import Charge
 from yahboomd.tools.port.local_stops import LocalStops, Request
 from yahboomd.tools.stop import last_stop
+from yahboomd.tools.stop.local_socket import tell_others
 
 if TYPE_CHECKING:
     from yahboomd.core.link.takeover import TakeoverReport

@@ -21,8 +21,8 @@ from collections import Counter
 from glob import escape, glob
 from typing import NamedTuple
 
-from yahboomd.core.link import local_socket
 from yahboomd.core.link.guard_words import HELD, NEXT
+from yahboomd.tools.stop import local_socket
 
 STATUS = b"status"
 BY_COMMAND = b" by yahboomd stop"

@@ -19,9 +19,9 @@ from glob import glob
 from typing import Any, NamedTuple
 
 from yahboomd.core.link import port_note
-from yahboomd.core.link.local_socket import connect
 from yahboomd.core.link.port_note import PortNote
 from yahboomd.core.program import pasteable, plain, release_command
+from yahboomd.tools.stop.local_socket import connect
 from yahboomd.tools.stop.stop_witness import believed, holds, settled
 
 STATUS_WITHIN_S = 0.5
