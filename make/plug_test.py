@@ -69,7 +69,7 @@ def main() -> int:
         here = TREE / "tests/system/plug"
         said = boot(
             *(Path(folder), bootable, package, SETUP),
-            [here / "usbip_ch340.py", here / "check.py"],
+            [here / name for name in ("usbip_ch340.py", "usbip_relay.py", "check.py")],
             ["qemu-system-x86_64", "-M", "q35"],
             "ttyS0",
         )

@@ -35,11 +35,11 @@ MOST_CODE = {
     "blackbox": 1265,
     "cli": 5030,
     "client": 1908,
-    "core": 17050,
+    "core": 17069,
     "moves": 2082,
     "ros2": 1255,
     "simulation": 3154,
-    "tools": 11977,
+    "tools": 12036,
     "web": 3364,
 }
 """The lines of code of each door. They only shrink: a commit that raises one gives the reason, and

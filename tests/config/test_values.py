@@ -12,6 +12,7 @@ from yahboomd.core.config.values import (
     Frame,
     FramePrefix,
     Key,
+    RelayLine,
     Sign,
     SourceKey,
     Topic,
@@ -67,6 +68,13 @@ def test_a_sign_is_no_switch_and_no_fraction():
     assert not takes(Sign, True)
     assert not takes(Sign, 1.0)
     assert not takes(Sign, 2)
+
+
+def test_a_relay_has_a_line_and_no_level():
+    assert takes(RelayLine, "")
+    assert takes(RelayLine, "/dev/gpiochip0:17")
+    for level in ("/dev/gpiochip0:17=1", "/dev/gpiochip0:17:high", "/dev/gpiochip0", "17", "high"):
+        assert not takes(RelayLine, level)
 
 
 def test_an_endpoint_is_refused_with_the_reason():

@@ -7,11 +7,14 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import subprocess
 import time
 import traceback
 from collections.abc import Callable
 from pathlib import Path
+
+from yahboomd.simulation.truth import TruthSample, read_truth
 
 PYTHON = "/opt/yahboomd/bin/python3"
 RULE = Path("/usr/lib/udev/rules.d/95-yahboomd.rules")
@@ -63,7 +66,10 @@ def stopped() -> bool:
 def board(number: int) -> None:
     path = Path(f"/run/board{number}")
     # An emulated PC is slow, and a polled board sends little by itself.
-    sh(f"systemd-run --unit=board{number} yahboomd simulate --dialect polled --link {path}")
+    sh(
+        f"systemd-run --unit=board{number} yahboomd simulate --dialect polled --link {path} "
+        f"--truth {path}.truth --control {path}.control"
+    )
     while not path.exists():
         time.sleep(0.1)
 
@@ -92,8 +98,117 @@ def sockets() -> set[Path]:
     return set(BY_PATH.glob("*"))
 
 
+RELAY = """
+[Service]
+TimeoutStartSec=300
+Environment=YAHBOOMD_GUARD__RELAY={chip}:0
+DeviceAllow={chip} rw
+SupplementaryGroups=gpio
+"""
+
+
+def speed_m_s(sample: TruthSample) -> float:
+    return max(map(abs, sample.speed_m_s))
+
+
+def rows(*kinds: str) -> list[tuple[str, int]]:
+    """What the relay's circuit printed of these kinds, and when."""
+    said = (row.split() for row in Path("/run/relay").read_text().splitlines())
+    return [(kind, int(t_ns)) for kind, t_ns in said if kind in kinds]
+
+
+def relay_is(kind: str) -> bool:
+    return rows("holds", "falls")[-1][0] == kind
+
+
+def relay_falls(fault: str, cause: Callable[[], object]) -> None:
+    """Drive, cause a fault, and see the relay take the motors' supply away."""
+    truth = Path("/run/board0.truth")
+    driver = subprocess.Popen(["yahboomd", "send", "--vx", "0.3", "--for", "600"])
+    claim(f"{fault}: before that the robot drives", lambda: speed_m_s(read_truth(truth)[-1]) > 0.2)
+    time.sleep(3.0)
+    began_ns = time.monotonic_ns()
+    cause()
+
+    def fell_ns() -> int:
+        return next((t_ns for _, t_ns in rows("falls") if t_ns > began_ns), 0)
+
+    def stood_ns() -> int:
+        later = (each for each in read_truth(truth) if each.t_ns > began_ns)
+        return next((each.t_ns for each in later if speed_m_s(each) < 0.03), 0)
+
+    claim(f"{fault}: the relay falls", fell_ns)
+    claim(f"{fault}: the wheels stand", stood_ns)
+    edges = [(t_ns - began_ns) / 1e9 for _, t_ns in rows("edge")]
+    last = max(each for each in edges if each * 1e9 < fell_ns() - began_ns)
+    rate_hz = sum(-3.0 < each < 0.0 for each in edges) / 3.0
+    took = [(t_ns - began_ns) / 1e9 for t_ns in (fell_ns(), stood_ns())]
+    print(
+        f"ok: {fault}: after {rate_hz:.1f} Hz the newest edge came at {last:.2f} s, the relay fell "
+        f"at {took[0]:.2f} s, the wheels stood at {took[1]:.2f} s",
+        flush=True,
+    )
+    driver.kill()
+
+
+def control(words: str) -> None:
+    with socket.socket(socket.AF_UNIX) as console:
+        console.connect("/run/board0.control")
+        console.sendall(words.encode() + b"\n")
+        console.recv(100)
+
+
+def named_guard(comm: Path) -> bool:
+    try:
+        return comm.read_text().strip() == "yahboomd-guard"
+    except OSError:
+        return False
+
+
+def freeze() -> None:
+    """End the guard, and let its owner neither stop the wheels nor start another one."""
+    guards = [each.parent for each in Path("/proc").glob("[0-9]*/comm") if named_guard(each)]
+    os.kill(int(show("yahboomd", "MainPID")), signal.SIGSTOP)
+    for each in guards:
+        os.kill(int(each.name), signal.SIGKILL)
+
+
+def relay() -> None:
+    """Board 0 is there and driven by the service; its supply gets the relay."""
+    before = set(Path("/dev").glob("gpiochip*"))
+    chip = f"{PYTHON} /root/usbip_relay.py 3 /run/board0.control"
+    sh(f"systemd-run --unit=relay --property=StandardOutput=file:/run/relay {chip}")
+    claim("the relay's chip is there", lambda: set(Path("/dev").glob("gpiochip*")) - before)
+    (line,) = set(Path("/dev").glob("gpiochip*")) - before
+    sh(f"groupadd gpio; chgrp gpio {line}; chmod 660 {line}")
+    claim("without the guard the relay has fallen", lambda: relay_is("falls"))
+    dropin = Path("/run/systemd/system/yahboomd.service.d/relay.conf")
+    dropin.parent.mkdir(parents=True, exist_ok=True)
+    dropin.write_text(RELAY.format(chip=line))
+    sh("systemctl daemon-reload; systemctl restart yahboomd")
+    claim("the relay holds while the service hears the board", lambda: relay_is("holds"))
+    claim("the service with a relay drives", lambda: says("yahboomd", "standing"))
+
+    relay_falls("plug out", lambda: unplug(0))
+    plug(0)
+    claim("plugged in again, the relay holds", lambda: relay_is("holds"))
+    claim("and the service drives", lambda: says("yahboomd", "standing"))
+    relay_falls("board hung", lambda: control("hang"))
+    control("reset")
+    claim("once the board is heard, the relay holds", lambda: relay_is("holds"))
+    claim("and the service drives again", lambda: says("yahboomd", "standing"))
+    relay_falls("guard killed, daemon frozen", freeze)
+    claim("a new daemon's guard holds the relay", lambda: relay_is("holds"))
+    claim("and that daemon drives", lambda: says("yahboomd", "standing"))
+
+    dropin.unlink()
+    sh("systemctl daemon-reload; systemctl restart yahboomd")
+    unplug(3)
+    claim("without a relay it drives as before", lambda: says("yahboomd", "standing"))
+
+
 def main() -> None:
-    sh("modprobe vhci-hcd")
+    sh("modprobe -a vhci-hcd cp210x")
     claim("the service is up, without a board", lambda: says("yahboomd", "waiting"))
     loaded = "ttyUSB" in Path("/proc/devices").read_text()
     claim("the serial driver is not loaded yet", lambda: not loaded)
@@ -127,6 +242,8 @@ def main() -> None:
             and says("yahboomd", "standing")
         ),
     )
+
+    relay()
 
     before = show("yahboomd", "MainPID")
     unplug(0)

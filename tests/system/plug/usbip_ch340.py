@@ -46,17 +46,22 @@ class Ch340:
         self._waiting: dict[int, tuple[int, int]] = {}
         self._received = b""
 
-    def serve(self) -> None:
+    def serve(self, period_s: float | None = None) -> None:
+        """Answer until it is unplugged; call :meth:`passed` once a period at least."""
         loop = selectors.DefaultSelector()
         loop.register(self._kernel, selectors.EVENT_READ)
         loop.register(self._line, selectors.EVENT_READ)
         while True:
-            for key, _ in loop.select():
+            self.passed()
+            for key, _ in loop.select(period_s):
                 if key.fileobj is self._kernel:
                     self._from_kernel()
                 else:
                     self._received = (self._received + os.read(self._line, 4096))[-KEPT:]
                     self._deliver()
+
+    def passed(self) -> None:
+        """Notice the time."""
 
     def _from_kernel(self) -> None:
         head = self._exactly(48)
@@ -125,10 +130,15 @@ def main() -> None:
     where, path, product = int(sys.argv[1]), sys.argv[2], int(sys.argv[3], 16)
     line = os.open(path, os.O_RDWR | os.O_NOCTTY)
     tty.setraw(line)
+    Ch340(line, attached(where), product).serve()
+
+
+def attached(where: int) -> socket.socket:
+    """The conversation with the kernel about what is plugged into a socket."""
     ours, kernels = socket.socketpair()
     ATTACH.write_text(f"{where} {kernels.fileno()} {where + 1} {FULL_SPEED}")
     kernels.close()
-    Ch340(line, ours, product).serve()
+    return ours
 
 
 if __name__ == "__main__":

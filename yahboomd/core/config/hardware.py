@@ -14,6 +14,7 @@ from yahboomd.core.config.values import (
     Frame,
     MotorName,
     Positive,
+    RelayLine,
     Section,
     Sign,
 )
@@ -59,6 +60,16 @@ class Serial(Section):
         default=False,
         description="Whether closing the port drops DTR (HUPCL), which may reset the board, and "
         "its counters with it.",
+    )
+
+
+class Guard(Section):
+    """The process that stops the wheels of a daemon that no longer can."""
+
+    relay: RelayLine = Field(
+        default="",
+        description="GPIO line that is toggled ten times a second while the board is heard, for a "
+        "relay in the motors' supply: docs/relay.md. Empty: none.",
     )
 
 

@@ -15,6 +15,7 @@ from yahboomd.core.config.hardware import (
     PRESETS,
     Board,
     Chassis,
+    Guard,
     Imu,
     MotorEntry,
     Serial,
@@ -43,6 +44,7 @@ class Config(Section):
     """The configuration of one robot; everything has a default."""
 
     serial: Serial = Field(default=Serial(), description="The serial port.")
+    guard: Guard = Field(default=Guard(), description="The guard.")
     board: Board = Field(default=Board(), description="The board.")
     chassis: Chassis = Field(default=Chassis(), description="The chassis.")
     imu: Imu = Field(default=Imu(), description="The inertial sensor.")

@@ -127,6 +127,9 @@ Endpoint: TypeAlias = Annotated[
 Camera: TypeAlias = Annotated[
     str, Checked('an address such as "http://127.0.0.1:8080/stream", or ""', camera_problem)
 ]
+RelayLine: TypeAlias = Annotated[
+    str, _like(r"(/dev/[\w./-]+:\d+)?", 'a line to toggle, such as "/dev/gpiochip0:17", or ""')
+]
 _FRAME = r"[A-Za-z0-9_][A-Za-z0-9_/.-]*"
 Frame: TypeAlias = Annotated[
     str, _like(_FRAME, 'a frame such as "odom", of letters, digits, _ - . and inner slashes')

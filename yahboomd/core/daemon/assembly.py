@@ -122,6 +122,7 @@ def opener(
             dtr=serial.dtr,
             rts=serial.rts,
             hangup_on_close=serial.hangup_on_close,
+            relay=config.guard.relay,
         )
 
     async def taken(path: str) -> SerialPort:

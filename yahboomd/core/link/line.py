@@ -307,6 +307,7 @@ class Line:
         return items
 
     def _counts(self, totals: Totals, item: Item, now_ns: int) -> None:
+        self._guard.heard(now_ns)
         byte_ns = self.port.byte_ns
         received_ns = now_ns - item.trailing * byte_ns
         sent_ns = received_ns - item.size * byte_ns

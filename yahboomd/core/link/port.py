@@ -57,6 +57,7 @@ class PortOptions(msgspec.Struct, frozen=True, kw_only=True):
         dtr: State of DTR, set before the port opens (the board wires it to its reset).
         rts: State of RTS, likewise (wired to the boot selection).
         hangup_on_close: Leave HUPCL set: closing drops DTR, which may reset the board.
+        relay: The line of the relay in the motors' supply; empty for none.
     """
 
     path: str
@@ -64,6 +65,7 @@ class PortOptions(msgspec.Struct, frozen=True, kw_only=True):
     dtr: bool = True
     rts: bool = False
     hangup_on_close: bool = False
+    relay: str = ""
 
 
 class Port(Protocol):

@@ -239,6 +239,11 @@ class PortGuard:
             self._promise.until_ms = 0
             self._acknowledge(self._promise)
 
+    def heard(self, now_ns: int) -> None:
+        """Counts of the board came: a relay in the motors' supply may hold."""
+        if self._promise is not None:
+            self._promise.heard_ms = now_ns // NS_PER_MS
+
     def let_go(self, without_power: bool) -> None:
         """The last command took the power off the motors: a stop of the guard does not brake."""
         if self._promise is not None:

@@ -28,6 +28,7 @@ class PortNote(NamedTuple):
         pid: The daemon's process.
         listen: The daemon's endpoints for Zenoh.
         ended: The daemon ended in order, and its wheels were seen to stand.
+        relay: The line of the relay in the motors' supply; empty for none.
     """
 
     path: str
@@ -40,6 +41,7 @@ class PortNote(NamedTuple):
     namespace: str = ""
     listen: tuple[str, ...] = ()
     ended: bool = False
+    relay: str = ""
 
     def options(self) -> dict[str, Any]:
         """The arguments of :func:`yahboomd.core.link.seize.seize`."""

@@ -37,10 +37,11 @@ class Promise:
         obeyed: The number of the newest one for which the owner engaged its emergency stop.
         refused: Connections for stops that were refused.
         dropped: Those that ended without a request.
+        heard_ms: When the board's newest counts came.
     """
 
     until_ms, stop, acknowledged, let_go = map(_Word, range(4))
-    asked, obeyed, refused, dropped = map(_Word, range(4, 8))
+    asked, obeyed, refused, dropped, heard_ms = map(_Word, range(4, 9))
 
     def __init__(self, fd: int) -> None:
         self.words = memoryview(mmap.mmap(fd, SIZE)).cast("q")

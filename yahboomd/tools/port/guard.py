@@ -99,6 +99,7 @@ class Guard:
         self._later: Request | None = None
         self._poll = select.poll()
         self._note: PortNote | None = None
+        self._has_relay = False
         self._seized: Seized | None = None
         self._brake = self._surest = b""
         self._why = ENDED
@@ -173,6 +174,11 @@ class Guard:
                 self._seized = Seized(fd, note.path, note.baudrate, time.monotonic_ns())
                 self._brake = self._surest = b""
                 self._take(law.Shared())
+                if note.relay and not self._has_relay:
+                    from yahboomd.tools.port import relay
+
+                    self._has_relay = True
+                    relay.start(note.relay, self._heard_ms)
         elif name == words.STOP:
             self._brake, self._surest = (bytes.fromhex(each.decode()) for each in value.split())
             self._tell_held()
@@ -202,6 +208,9 @@ class Guard:
         if self._seized is not None and self._surest:
             device = os.fstat(self._seized.fd).st_rdev
             tell_others(self._listening.folder, self._stops.path, words.HELD, device)
+
+    def _heard_ms(self) -> int | None:
+        return None if self._seized is None else self._promise.heard_ms
 
     def _read_promise(self) -> None:
         # The owner renews its promise before it acknowledges a stop.

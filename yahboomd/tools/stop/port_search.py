@@ -57,6 +57,7 @@ def port_options(path: str, config: Config) -> PortOptions:
         dtr=serial.dtr,
         rts=serial.rts,
         hangup_on_close=serial.hangup_on_close,
+        relay=config.guard.relay,
     )
 
 
