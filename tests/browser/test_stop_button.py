@@ -100,7 +100,9 @@ def test_a_robot_that_is_stopped_is_not_driven_until_it_is_released(
 
 
 @pytest.mark.nightly
-def test_a_fault_is_named_in_words_and_one_button_clears_it(bench: PageBench, page: Page) -> None:
+def test_a_fault_is_named_in_words_and_a_button_clears_it_on_the_page_that_takes_control(
+    bench: PageBench, page: Page
+) -> None:
     place = bench.press(page)
 
     def fails() -> bool:
@@ -123,8 +125,13 @@ def test_a_fault_is_named_in_words_and_one_button_clears_it(bench: PageBench, pa
     assert "release" not in page.text("#why")
     assert "`" not in page.text("#why")
     page.says("#release", "Clear the fault")
-    release(bench, page)
-    page.says("#state", "standing")
+    with bench.page() as other:
+        other.says("#release", "Take control")
+        other.click("#release")
+        other.says("#release", "Clear the fault")
+        page.says("#release", "Take control")
+        release(bench, other)
+        page.says("#state", "standing")
 
 
 MAY_TURN = "The wheels may still turn: switch the motors' supply off."
