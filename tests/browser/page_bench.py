@@ -124,9 +124,11 @@ class PageBench:
     def motions(self, since_ns: int = 0) -> dict[int, list[int]]:
         """The speeds of the wheels in the frames that command motion, by their moments."""
         for heard in self._wire.news():
-            speeds = [int(each) for text in SPEEDS.findall(heard.data) for each in text.split(",")]
-            if any(speeds):
-                self._motions[heard.t_ns] = speeds
+            # A board that is late reads several frames at once.
+            for number, text in enumerate(SPEEDS.findall(heard.data)):
+                speeds = [int(each) for each in text.split(",")]
+                if any(speeds):
+                    self._motions[heard.t_ns + number] = speeds
         return {t_ns: speeds for t_ns, speeds in self._motions.items() if t_ns > since_ns}
 
     def is_moving(self) -> bool:
@@ -196,6 +198,15 @@ class PageBench:
         wait_for(lambda: self.robot.truth()[-1].t_ns > quiet_ns, "1.6 s of quiet")
         assert not self.motions(since_ns)
         assert not self.is_moving()
+
+    def release(self, page: Page) -> None:
+        """Release the stop, or clear the fault, by the page's button."""
+        page.until("document.querySelector('#release').checkVisibility()")
+        # Daemon and page refuse for a second after a command for motion or a stop.
+        button = "document.querySelector('#release:not([hidden])')?.click()"
+        wait_for(
+            lambda: page.evaluate(button) or page.text("#state") == "standing", "it is released"
+        )
 
     def recover(self) -> None:
         """As it was at first: the network is good, nothing is engaged, no page has control."""

@@ -13,13 +13,6 @@ from real_robot import wait_for
 pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser")]
 
 
-def release(bench: PageBench, page: Page) -> None:
-    page.until("document.querySelector('#release').checkVisibility()")
-    # The daemon refuses for a second after each command for motion, and after the last release.
-    button = "document.querySelector('#release:not([hidden])')?.click()"
-    wait_for(lambda: page.evaluate(button) or page.text("#state") == "standing", "it is released")
-
-
 @pytest.mark.nightly
 @pytest.mark.parametrize("view", ["map", "drive", "wheels", "health"])
 def test_the_button_is_seen_in_every_view_and_stops(
@@ -30,7 +23,7 @@ def test_the_button_is_seen_in_every_view_and_stops(
     page.tap("#estop")
     page.says("#state", "emergency stop")
     page.says("#estop-text", "acknowledged the emergency stop")
-    release(bench, page)
+    bench.release(page)
 
 
 def test_a_finger_on_the_button_stops_what_the_thumb_drives(bench: PageBench, page: Page) -> None:
@@ -39,7 +32,7 @@ def test_a_finger_on_the_button_stops_what_the_thumb_drives(bench: PageBench, pa
     bench.stops_after(lambda: page.touch(thumb, button))
     page.says("#state", "emergency stop")
     page.lift()
-    release(bench, page)
+    bench.release(page)
 
 
 @pytest.mark.parametrize(
@@ -54,7 +47,7 @@ def test_space_stops_wherever_the_focus_is(bench: PageBench, page: Page, focus: 
     page.type("Space")
     page.says("#state", "emergency stop")
     assert page.evaluate("document.activeElement.nextElementSibling.id") == "release", "one Tab"
-    release(bench, page)
+    bench.release(page)
 
 
 def test_a_stop_that_is_not_acknowledged_is_tried_again_visibly_until_it_is(
@@ -67,7 +60,7 @@ def test_a_stop_that_is_not_acknowledged_is_tried_again_visibly_until_it_is(
     bench.server.process.send_signal(signal.SIGCONT)
     page.says("#estop-text", "acknowledged the emergency stop")
     page.says("#state", "emergency stop")
-    release(bench, page)
+    bench.release(page)
 
 
 @pytest.mark.nightly
@@ -79,7 +72,7 @@ def test_a_stop_is_tried_again_over_a_network_that_comes_back(bench: PageBench) 
         page.says("#estop-text", "attempt 3")
         bench.network.refuses = False
         page.says("#estop-text", "acknowledged the emergency stop")
-        release(bench, page)
+        bench.release(page)
 
 
 @pytest.mark.nightly
@@ -94,7 +87,7 @@ def test_a_robot_that_is_stopped_is_not_driven_until_it_is_released(
     bench.stays()
     # The release does not wake a thumb that is down.
     page.lift()
-    release(bench, page)
+    bench.release(page)
     bench.press(page)
     bench.stops_after(page.lift)
 
@@ -130,7 +123,7 @@ def test_a_fault_is_named_in_words_and_a_button_clears_it_on_the_page_that_takes
         other.click("#release")
         other.says("#release", "Clear the fault")
         page.says("#release", "Take control")
-        release(bench, other)
+        bench.release(other)
         page.says("#state", "standing")
 
 
@@ -157,4 +150,4 @@ def test_a_plug_that_is_pulled_in_motion_is_said_as_what_the_wheels_may_do(
         bench.robot.do("replug")
     page.says("#estop-text", "acknowledged the emergency stop")
     page.says("#state", "emergency stop")
-    release(bench, page)
+    bench.release(page)

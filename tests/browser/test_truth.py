@@ -9,7 +9,7 @@ from contextlib import contextmanager
 import pytest
 from chromium import Page
 from page_bench import PageBench
-from page_checks import seen
+from page_checks import OTHER_STATUS, seen
 
 pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser")]
 
@@ -91,11 +91,7 @@ def test_the_first_words_are_what_the_wheels_may_do_and_no_figure_is_an_old_one(
 def test_a_stop_under_way_says_first_that_the_wheels_still_turn(page: Page, size: str) -> None:
     page.resize(*SIZES[size], phone=True)
     # A real one is over before a busy machine has looked.
-    page.evaluate("""window.moment = {};
-        const parse = JSON.parse;
-        JSON.parse = (text) => [parse(text)].flat().map((each) =>
-            each.type === 'status' ? { ...each, sample: { ...each.sample, ...moment } } : each);
-        0""")
+    page.evaluate(f"window.moment = {{}}; {OTHER_STATUS}")
     for state in ("stopping", "estopped"):
         page.evaluate(f"moment = {{ wheels: 'turning', state: '{state}' }}; 0")
         page.until(f"document.querySelector('#state').dataset.state === '{state}'")

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 from chromium import Page
 from page_bench import PageBench
-from page_checks import axe, enlarge, spills, violations
+from page_checks import OTHER_STATUS, axe, enlarge, spills, violations
 from real_robot import Process, free_endpoint, wait_for
 
 pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser")]
@@ -308,7 +308,7 @@ def test_map_and_joystick_are_used_together_on_a_wide_screen(
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("size", [PHONE, ON_ITS_SIDE])
-def test_a_long_reason_moves_nothing_and_a_touch_of_it_opens_all_of_it(
+def test_a_long_reason_is_read_whole_and_moves_nothing_and_a_touch_of_it_opens_health(
     bench: PageBench, page: Page, size: tuple[int, int]
 ) -> None:
     page.resize(*size, phone=True)
@@ -319,7 +319,9 @@ def test_a_long_reason_moves_nothing_and_a_touch_of_it_opens_all_of_it(
         bench.robot.do("unplug 600")
         page.says("#state", "may turn")
         page.lift()
-        assert cut(page, "#why")
+        page.says("#why", BOARD)
+        assert not cut(page, "#why"), page.text("#why")
+        assert not cut(page, "header")
         assert box(page, ".pad") == pytest.approx(pad, abs=1.0)
         assert box(page, "#estop") == pytest.approx(stop, abs=1.0)
         page.tap("#why")
@@ -327,6 +329,18 @@ def test_a_long_reason_moves_nothing_and_a_touch_of_it_opens_all_of_it(
     finally:
         bench.robot.do("replug")
     page.says("#state", "standing")
+
+
+@pytest.mark.parametrize("size", [PHONE, ON_ITS_SIDE, (768, 1024), LAPTOP])
+def test_a_fault_is_read_whole_with_what_to_check(page: Page, size: tuple[int, int]) -> None:
+    page.resize(*size, phone=size != LAPTOP)
+    reasons = [{"kind": "fault", "text": FAULT}]
+    page.evaluate(f"window.moment = {{ state: 'fault', reasons: {json.dumps(reasons)} }}; 0")
+    page.evaluate(OTHER_STATUS)
+    page.says("#why", FAULT)
+    assert not cut(page, "#why")
+    assert not cut(page, "header")
+    assert covered(page, "#estop") == covered(page, "#release") == []
 
 
 @pytest.mark.nightly
@@ -351,9 +365,14 @@ def test_without_a_daemon_the_page_says_so_in_a_sentence_and_shows_no_old_figure
         page.says("#state", "standing")
 
 
+FAULT = (
+    "front right turned, is commanded -0.40 m/s, and its encoder shows no motion any more: check "
+    "whether the wheel is blocked, then the plug of motor and encoder, and the motor supply. "
+    "(since 12.3 s)"
+)
 LATELY = "Commands refused lately: 3 no_velocity."
 STOP = "Emergency stop, engaged by x: y."
-BOARD = "The robot's computer has no connection to its motor board. Details are in Health."
+BOARD = "The motor board is not connected. Details are in Health."
 
 
 def test_the_daemons_reasons_stay_exact_but_for_what_no_phone_needs(page: Page) -> None:
@@ -364,6 +383,7 @@ def test_the_daemons_reasons_stay_exact_but_for_what_no_phone_needs(page: Page) 
         (None, [("no_command", "No source commands motion.")], "Ready."),
         (None, [("estop", STOP), ("release", "To drive again: `yahboomd stop`.")], STOP),
         (None, [("lost", lost)], lost),
+        (None, [("estop", STOP), ("lost", lost), ("refused", LATELY)], STOP),
         (None, [("fault", "Try `yahboomd tune`.")], "Try \u201cyahboomd tune\u201d."),
         ("cmd_vel/web", [("zero_command", "The page commands zero.")], "Ready."),
         ("cmd_vel", [("zero_command", "cmd_vel commands zero.")], "cmd_vel commands zero."),

@@ -47,7 +47,6 @@ async def test_no_name_leads_to_another_file_or_option(boxes: PageBoxes) -> None
     # This machine may have others.
     (box,) = [each for each in listed["boxes"] if each["name"] == NAME]
     assert (box["name"], box["reason"], box["bytes"]) == (NAME, "estop", 13)
-    assert box["robot"] == ""
     assert "path" not in box
     assert await boxes.file(NAME) is not None
     for name in ("", "..", "../secret", "/etc/passwd", "8", "-h", "--json", "7", NAME + "\n"):

@@ -7,11 +7,13 @@ import json
 from typing import Any
 
 import daemon_samples
+import msgspec
 import pytest
 from web_site import ZERO
 from websockets.exceptions import ConnectionClosed
 from zenoh_fixtures import eventually, free_endpoint
 
+from yahboomd.core.model import Cause
 from yahboomd.web import page_commands
 from yahboomd.web.page_hub import FULL, MAX_PAGES, MAX_VIEWERS, POLICY, SESSION_ENDED
 from yahboomd.web.page_session import RequestFrame, Tool
@@ -250,11 +252,14 @@ async def test_while_the_robot_may_not_move_a_page_learns_the_daemons_reason(
     """And has to let go before it moves again, so that a release moves nothing."""
     daemon = await fake_daemon()
     page = await (await site(daemon)).driver()
-    daemon.status = daemon_samples.status("estopped", driver=None, why="Anne pressed the button.")
+    stopped = daemon_samples.status("estopped", driver=None, why="Anne stopped it. Type `x`.")
+    reasons = Cause("estop", "Anne stopped it."), Cause("release", "Type `x`.")
+    daemon.status = msgspec.structs.replace(stopped, reasons=reasons)
     await page.one("status")
     await eventually(lambda: page.of("status")[-1]["sample"]["state"] == "estopped")
     await page.hold(lambda: any(each["why"] == "estop" for each in page.of("refused")))
-    assert "Anne pressed the button." in (await page.one("refused", why="estop"))["text"]
+    told = (await page.one("refused", why="estop"))["text"]
+    assert told == "The robot cannot drive. Anne stopped it.", "no command for a terminal"
     before = len(daemon.velocities)
     daemon.status = daemon_samples.status("standing", driver=None, why="At rest.")
     await page.hold(lambda: page.of("refused")[-1]["why"] == "let_go")

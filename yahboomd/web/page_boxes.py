@@ -48,7 +48,6 @@ class PageBoxes:
                 "name": _name(each),
                 "kind": each["kind"],
                 "reason": _reason(each),
-                "robot": each["robot"],
                 "at_s": each["written_ns"] / 1e9,
                 "bytes": each["bytes"],
             }

@@ -163,9 +163,11 @@ class RobotFeed:
             return PageRefusal(why="no_daemon", text=self.problem or "The bus is not open yet.")
         status = self._connection.status
         if status is not None and status.state in {"estopped", "fault"}:
+            # The page has a button for the command that releases.
+            words = [each.text for each in status.reasons or () if each.kind != "release"]
             return PageRefusal(
                 why="estop" if status.state == "estopped" else "fault",
-                text=f"The robot cannot drive. {status.why}",
+                text=f"The robot cannot drive. {' '.join(words) or status.why}",
             )
         if status is not None and status.state not in STATES:
             return PageRefusal(why="fault", text=f"The robot cannot drive. {reason(status)}")

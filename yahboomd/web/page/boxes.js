@@ -1,6 +1,6 @@
 // Black boxes: the last minute before the robot stopped, in words and as files.
 
-import { amount, el, fixed, stamp, write } from "./dom.js";
+import { amount, el, fixed, stamp, WIDE, write } from "./dom.js";
 
 const REASONS = {
   estop: "Emergency stop", runaway: "A wheel ran away", fault: "A fault", disconnected: "The board was lost",
@@ -14,7 +14,9 @@ export function create({ live, connection }) {
   const words = el("p", { role: "status" });
   const state = el("p", { class: "note" }); // Apart: a list that is read again takes no answer away.
   const list = el("ul", { class: "files" });
+  const story = el("div", { class: "story", tabindex: "0", hidden: true }); // Of the box that was opened last.
   let shown = "";
+  let opened = "";
   let newest;
   let soon;
 
@@ -38,44 +40,54 @@ export function create({ live, connection }) {
       const rows = JSON.stringify(boxes.map(({ name, kind }) => [name, kind]));
       if (rows !== shown) list.replaceChildren(...boxes.map(row));
       shown = rows;
+      place();
       write(state, problem || (boxes.length ? "" : "There is none yet: nothing has stopped the robot for a reason."));
     } catch {
       // The next box asks again.
     }
   }
 
-  function row({ name, kind, reason, robot, at_s, bytes }) {
-    const story = el("div", { class: "story", hidden: true });
-    const why = el("button", { type: "button", "aria-expanded": "false", onclick: () => explain(name, why, story) }, "Why did it stop?");
+  function row({ name, kind, reason, at_s, bytes }) {
+    const why = el("button", { type: "button", "data-box": name, onclick: () => explain(name) }, "Why did it stop?");
     const file = el("a", { href: `/boxes/${name}`, download: "" }, "Download", el("small", {}, ` ${amount(bytes)}`));
     return el(
       "li",
       { class: "card" },
       el("div", { class: "line" }, el("b", {}, REASONS[reason] ?? KINDS[kind] ?? reason), el("span", { class: "fact" }, kind === "running" ? "" : stamp(at_s))),
-      el("p", { class: "note" }, robot),
       el("div", { class: "links" }, why, ...(kind === "saved" ? [file] : [])),
-      story,
     );
   }
 
-  async function explain(name, button, story) {
-    const open = story.hidden;
-    story.hidden = !open;
-    button.setAttribute("aria-expanded", open);
-    if (!open) return;
-    story.replaceChildren(el("p", {}, "A moment\u2026"));
+  /** Beside the list where there is room, else below its box. */
+  function place() {
+    const buttons = [...list.querySelectorAll("[data-box]")];
+    for (const each of buttons) each.setAttribute("aria-expanded", each.dataset.box === opened);
+    const box = buttons.find((each) => each.dataset.box === opened)?.closest("li");
+    story.hidden = !box;
+    story.classList.toggle("card", WIDE.matches);
+    const home = (!WIDE.matches && box) || element;
+    if (story.parentNode !== home) home.append(story);
+  }
+
+  async function explain(name) {
+    opened = opened === name ? "" : name;
+    const words = el("p", {}, "A moment\u2026");
+    story.replaceChildren(words);
+    place();
+    if (!opened) return;
     try {
       let answer;
       while ((answer = await fetch(`/boxes/${name}/words`)).status === 503) {
-        write(story.firstChild, await answer.text());
+        write(words, await answer.text());
         await new Promise((done) => setTimeout(done, KNOWN_MS));
       }
       const found = answer.ok ? await answer.json() : { why: await answer.text(), lines: [] };
       const lines = found.lines.map((each) => el("tr", { class: each.what }, el("th", { scope: "row" }, `${fixed(each.before_s, 2)} s`), el("td", {}, each.words)));
+      if (words.parentNode !== story) return; // Another box was opened.
       const table = el("table", {}, el("caption", {}, "Events, in seconds before it was saved"), el("tbody", {}, ...lines));
       story.replaceChildren(el("p", { class: "question" }, found.why), ...(lines.length ? [table] : []));
     } catch {
-      story.replaceChildren(el("p", { class: "error" }, "There is no connection to the robot."));
+      write(words, "There is no connection to the robot.");
     }
   }
 
@@ -90,6 +102,7 @@ export function create({ live, connection }) {
     newest = sample.command.blackbox_last;
   });
   live.on("hello", () => element.hidden || read());
+  WIDE.addEventListener("change", place);
   const element = el(
     "section",
     { class: "boxes" },

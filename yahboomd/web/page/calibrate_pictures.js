@@ -37,6 +37,11 @@ const PICTURES = {
     "From the line of its start to the middle of the axle.",
   ],
   turn: (to) => ["60 20 120 80", line("M120 60h56") + robot(120, 60) + way(around[to])],
+  "turn side": () => [
+    "84 20 80 80",
+    robot(120, 60) + way("M150 56A30 30 0 0 0 120 30") + way("M150 64A30 30 0 0 1 120 90") + '<text x="146" y="36">1</text><text x="146" y="96">2</text>',
+    "1 is to the left, 2 to the right.",
+  ],
   "turn beyond": (to) => [...angle[to](), "From the mark to its nose."],
   sideways: (to) => ["60 2 120 116", line("M120 10v100") + robot(120, start[to]) + way(to === "left" ? "M120 72V18" : "M120 48v54")],
   "sideways length": (to) => [

@@ -20,6 +20,12 @@ export function write(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
+/** A question before what cannot be undone, with what keeps it and what does it. */
+export function doubt(words, keep, label, act) {
+  const button = (text, onclick, look) => el("button", { type: "button", class: look, onclick }, text);
+  return el("p", { class: "doubt" }, el("span", {}, words), button("Keep it", keep), button(label, act, "danger"));
+}
+
 /** A number with fixed decimals, and a true minus; never "-0.00". */
 export function fixed(value, decimals) {
   const text = value.toFixed(decimals);

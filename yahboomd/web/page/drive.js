@@ -4,6 +4,7 @@ import { keepAwake } from "./awake.js";
 import { Deadman } from "./deadman.js";
 import { buzz, DASH, el, fixed, write } from "./dom.js";
 import { Gamepad } from "./gamepad.js";
+import { summary } from "./header.js";
 import { Joystick } from "./joystick.js";
 import { Keyboard } from "./keyboard.js";
 import { obstacle } from "./obstacles.js";
@@ -150,6 +151,7 @@ function create(app) {
     if (deadman.held) return refusal() || `Driving${isEmpty ? " slowly: the battery is empty" : ""}. Let go to stop.`;
     // What to do comes first: on a small screen the rest scrolls.
     if (deadman.lost && !why) return `${AGAIN[by]} ${deadman.lost.replace(/ Let go, .*again\.$/, "")}`;
+    if (["offline", "waiting"].includes(summary(connection, live).state)) return "Waiting: see above.";
     return why || "Ready. Touch the pad to drive.";
   }
 

@@ -7,9 +7,10 @@ import { delayOf, weakness } from "./obstacles.js";
 const SILENT_MS = 1000; // A weak network is silent for shorter times now and then.
 // Nothing to read: nobody drives, who drives stands below, and a button releases.
 const UNSAID = ["no_command", "ended", "driving", "release"];
+const LESSER = ["lost", "refused"]; // Said if nothing else holds the robot.
 // What helps at the robot's computer alone is read in Health.
 const SHORT = {
-  waiting_for_board: "The robot's computer has no connection to its motor board. Details are in Health.",
+  waiting_for_board: "The motor board is not connected. Details are in Health.",
   board_unfit: "The settings of the motor board do not fit this robot. Details are in Health.",
   battery: "The battery is empty: it drives slowly.",
 };
@@ -38,16 +39,17 @@ export function watchHeader(connection, live) {
   show();
 }
 
-function summary(connection, live) {
+/** The state of the robot as this page knows it, and why. */
+export function summary(connection, live) {
   const problem = live.newest("problem");
   if (problem) return { state: "offline", words: "no access", why: problem.text };
   const [words, reason] = silence(connection, live);
   const status = live.sample("status");
   const why = `${wheels(status, live, !reason)}${reason || plain(status, live)}`;
   if (reason) return { state: "offline", words, why };
-  if (status.wheels === "unknown") return { state: "fault", words: "may turn", why };
+  if (status.wheels === "unknown") return { state: "unseen", words: "may turn", why };
   if (["standing", "stopping", "driving"].includes(status.state) && weakness(live))
-    return { state: "waiting", words: "slow network", why: "The network is too slow to drive." };
+    return { state: "waiting", words: "slow network", why: weakness(live) };
   return { state: status.state, words: status.state === "estopped" ? "emergency stop" : status.state, why };
 }
 
@@ -76,7 +78,9 @@ export function wheels(status, live, isNow) {
 /** The daemon's reasons for a phone. */
 export function plain({ reasons, why, driver, state }, live) {
   const isSaid = ({ kind }) => kind !== "wheels" && !UNSAID.includes(kind) && !(kind === "zero_command" && driver === live.newest("hello")?.source);
-  const words = (reasons ?? [{ kind: "", text: why }]).filter(isSaid).map(({ kind, text }) => SHORT[kind] ?? text);
+  const said = (reasons ?? [{ kind: "", text: why }]).filter(isSaid);
+  const first = said.filter(({ kind }) => !LESSER.includes(kind));
+  const words = (first.length ? first : said).map(({ kind, text }) => SHORT[kind] ?? text);
   return words.join(" ").replace(/`([^`]*)`/g, "\u201c$1\u201d") || (state === "standing" ? "Ready." : "");
 }
 

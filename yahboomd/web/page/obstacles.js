@@ -18,9 +18,9 @@ export function obstacle(connection, live) {
   if (live.newest("daemon")?.alive === false) return "No yahboomd answers. The page waits for it.";
   const status = live.fresh("status")?.sample;
   if (!status) return "The robot's state is not known now: see above.";
-  if (status.wheels === "unknown") return "The wheels may still turn: see above.";
+  if (status.wheels === "unknown") return "The wheels may still turn.";
   if (status.state === "estopped") return "Release the stop to drive.";
-  if (status.state === "fault") return "Clear the fault to drive: see above.";
+  if (status.state === "fault") return "Clear the fault to drive.";
   if (!KNOWN.includes(status.state)) return "State unknown to this page: see above.";
   if (hello.barred) return hello.barred;
   if (status.state === "waiting") return "The robot waits: see above.";

@@ -1,6 +1,6 @@
 // Phones: which may use this page, and the name of this one. Each session ends singly.
 
-import { duration, el, write } from "./dom.js";
+import { doubt, duration, el, write } from "./dom.js";
 
 const AGAIN_MS = 3000;
 
@@ -79,33 +79,25 @@ export function create({ live, connection }) {
     }
   }
 
+  /** Ask before a session is ended; "" asks nothing. */
+  function ask(id) {
+    doubted = id;
+    show();
+    list.querySelector(".doubt button")?.focus();
+  }
+
   const used = ({ open, idle_s: idle }) => (open ? "open now" : `used ${idle < 172_800 ? duration(idle * 1000) : `${Math.round(idle / 86_400)} days`} ago`);
 
   function row(each) {
     const may = each.role === "driver" ? "may drive" : "may watch and stop";
     const facts = [each.mine ? "this phone" : "", may, each.control ? "has control" : "", used(each)];
-    const ask = () => {
-      doubted = each.id;
-      show();
-      list.querySelector(".doubt button")?.focus();
-    };
-    const keep = () => {
-      doubted = "";
-      show();
-    };
-    const doubt = el(
-      "p",
-      { class: "doubt" },
-      el("span", {}, `${each.mine ? "This phone" : "It"} then needs a new link.`),
-      el("button", { type: "button", onclick: keep }, "Keep it"),
-      el("button", { type: "button", class: "danger", onclick: () => end(each.id) }, "End the session"),
-    );
-    const button = el("button", { type: "button", "aria-label": `End the session of ${each.name}`, onclick: ask }, "End\u2026");
+    const doubtful = doubt(`${each.mine ? "This phone" : "It"} then needs a new link.`, () => ask(""), "End the session", () => end(each.id));
+    const button = el("button", { type: "button", "aria-label": `End the session of ${each.name}`, onclick: () => ask(each.id) }, "End\u2026");
     return el(
       "li",
       { class: "card" },
       el("div", { class: "line" }, el("p", {}, el("b", {}, each.name), el("br"), facts.filter(Boolean).join(", ")), ...(doubted === each.id ? [] : [button])),
-      ...(doubted === each.id ? [doubt] : []),
+      ...(doubted === each.id ? [doubtful] : []),
     );
   }
 

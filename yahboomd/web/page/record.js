@@ -1,6 +1,6 @@
 // Recordings: one runs at a time; stored ones are listed, downloaded and removed.
 
-import { amount, clockTime, el, stamp, write } from "./dom.js";
+import { amount, clockTime, doubt, el, stamp, write } from "./dom.js";
 
 const AGAIN_MS = 3000;
 
@@ -59,6 +59,13 @@ export function create({ live, connection }) {
     }
   }
 
+  /** Ask before a recording is removed; "" asks nothing. */
+  function ask(name) {
+    doubted = name;
+    show();
+    list.querySelector(".doubt button")?.focus();
+  }
+
   function elapsed() {
     return clockTime((now().for_s ?? 0) + live.age("recording") / 1000);
   }
@@ -67,36 +74,20 @@ export function create({ live, connection }) {
     const links = files.map((file) =>
       el("a", { href: `/recordings/${name}/${file.name}`, download: `${name}-${file.name}` }, file.name, el("small", {}, ` ${amount(file.bytes)}`)),
     );
-    const ask = () => {
-      doubted = name;
-      show();
-      list.querySelector(".doubt button")?.focus();
-    };
-    const keep = () => {
-      doubted = "";
-      show();
-    };
-    const doubt = el(
-      "p",
-      { class: "doubt" },
-      `Remove ${name} for ever? `,
-      el("button", { type: "button", onclick: keep }, "Keep it"),
-      el("button", { type: "button", class: "danger", onclick: () => remove(name) }, "Remove"),
-    );
     const mayRemove = driver() && !running;
     return el(
       "li",
       { class: "card" },
       el("div", { class: "line" }, el("b", {}, name), el("span", { class: "fact" }, running ? "recording" : `${stamp(at_s)}, ${amount(bytes)}`)),
       el("div", { class: "links" }, ...links),
-      ...(mayRemove ? [doubted === name ? doubt : el("button", { type: "button", "aria-label": `Remove ${name}`, onclick: ask }, "Remove\u2026")] : []),
+      ...(mayRemove ? [doubted === name ? doubt(`Remove ${name} for good?`, () => ask(""), "Remove", () => remove(name)) : el("button", { type: "button", "aria-label": `Remove ${name}`, onclick: () => ask(name) }, "Remove\u2026")] : []),
     );
   }
 
   const element = el(
     "section",
     { class: "record" },
-    el("div", { class: "card" }, el("h2", {}, "Record"), el("p", { class: "note" }, "What the robot does and is commanded, as files for Foxglove, Lichtblick and ROS 2. A recording ends by itself a minute after the last page to drive was closed."), toggle, words, room),
+    el("div", { class: "card" }, el("h2", {}, "Record"), el("p", { class: "note" }, "What the robot does and is commanded, as files for Foxglove, Lichtblick and ROS 2. A recording ends a minute after the last page to drive was closed."), toggle, words, room),
     list,
   );
   live.on("recording", (message) => {
