@@ -16,6 +16,7 @@ export class Deadman {
   #timer = 0;
   #lost = "";
   #wasBarred = false;
+  #isTouched = false; // A finger is down, whether it counts or not.
 
   /**
    * @param connection Carries the velocities.
@@ -41,6 +42,8 @@ export class Deadman {
     });
     live.on("control", ({ mine, name }) => mine || this.letGo(`${name || "Another page"} took control.`));
     live.on("link", ({ open }) => open || this.letGo("The connection to the robot was lost."));
+    for (const type of ["pointerdown", "pointerup", "pointercancel"])
+      document.addEventListener(type, () => (this.#isTouched = type === "pointerdown"), { capture: true });
     const lose = (why) => () => this.letGo(why);
     document.addEventListener("visibilitychange", () => document.hidden && this.letGo("The page was hidden."));
     document.addEventListener("freeze", lose("The page was hidden."));
@@ -58,9 +61,9 @@ export class Deadman {
     return this.#velocity !== null;
   }
 
-  /** Why the last motion ended; "" if the person let go, or if what was in the way is gone. */
+  /** Why the last motion ended; "" if the person let go, or if what was in the way is gone and no finger waits. */
   get lost() {
-    if (this.held || (this.#wasBarred && !this.obstacle())) this.forget();
+    if (this.held || (this.#wasBarred && !this.#isTouched && !this.obstacle())) this.forget();
     return this.#lost;
   }
 

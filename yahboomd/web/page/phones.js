@@ -91,13 +91,12 @@ export function create({ live, connection }) {
   function row(each) {
     const may = each.role === "driver" ? "may drive" : "may watch and stop";
     const facts = [each.mine ? "this phone" : "", may, each.control ? "has control" : "", used(each)];
-    const doubtful = doubt(`${each.mine ? "This phone" : "It"} then needs a new link.`, () => ask(""), "End the session", () => end(each.id));
     const button = el("button", { type: "button", "aria-label": `End the session of ${each.name}`, onclick: () => ask(each.id) }, "End\u2026");
     return el(
       "li",
       { class: "card" },
       el("div", { class: "line" }, el("p", {}, el("b", {}, each.name), el("br"), facts.filter(Boolean).join(", ")), ...(doubted === each.id ? [] : [button])),
-      ...(doubted === each.id ? [doubtful] : []),
+      ...(doubted === each.id ? [doubt(`${each.mine ? "This phone" : "It"} then needs a new link.`, () => ask(""), "End the session", () => end(each.id))] : []),
     );
   }
 
