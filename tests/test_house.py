@@ -37,7 +37,7 @@ MOST_CODE = {
     "client": 1908,
     "core": 17069,
     "moves": 2082,
-    "ros2": 1255,
+    "ros2": 1313,
     "simulation": 3154,
     "tools": 12036,
     "web": 3364,

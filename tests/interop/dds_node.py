@@ -27,7 +27,7 @@ LOOPBACK = """<CycloneDDS><Domain><General>
   <ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>
   <Peers><Peer address="localhost"/></Peers>
 </Discovery></Domain></CycloneDDS>"""
-os.environ["CYCLONEDDS_URI"] = LOOPBACK  # before the library reads it
+os.environ.setdefault("CYCLONEDDS_URI", LOOPBACK)  # before the library reads it
 
 import dds_types as t  # noqa: E402
 from cyclonedds.builtin import (  # noqa: E402
@@ -70,6 +70,8 @@ HEARD = {
 }
 STRANGE = dict.fromkeys(("/yahboomd/pose", "/yahboomd/status", "/odometry"), (t.Odometry, RELIABLE))
 """Topics that no robot base publishes as a ROS message; received only if they are named."""
+PANEL = {"/estopped": (t.Bool, LATCHED)}
+"""Received if it is named."""
 SERVICES = {
     "/yahboomd/estop": (t.SetBoolRequest, t.SetBoolResponse),
     "/yahboomd/estop/reset": (t.TriggerRequest, t.TriggerResponse),
@@ -105,7 +107,7 @@ class Node:
         self.participant = DomainParticipant(domain, qos=Qos(Policy.Userdata(b"enclave=/;")))
         self.readers = {
             topic: self._reader("rt" + topic, kind, qos)
-            for topic, (kind, qos) in (HEARD | STRANGE).items()
+            for topic, (kind, qos) in (HEARD | STRANGE | PANEL).items()
             if topic in topics
         }
         self.cmd_vel: DataWriter | None = None

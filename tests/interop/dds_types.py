@@ -168,6 +168,11 @@ class DiagnosticArray(IdlStruct, typename=_dds("diagnostic_msgs", "DiagnosticArr
 
 
 @dataclass
+class Bool(IdlStruct, typename=_dds("std_msgs", "Bool")):
+    data: bool
+
+
+@dataclass
 class SetBoolRequest(IdlStruct, typename=_dds("std_srvs", "SetBool_Request", "srv")):
     client_guid: uint64
     sequence_number: int64

@@ -107,6 +107,10 @@ SERVICES = {
     "/yahboomd/estop": SetBool,
     "/yahboomd/estop/reset": Trigger,
     "/yahboomd/odometry/reset": Trigger,
+    # Those of the resident.
+    "/e_stop_trigger": Trigger,
+    "/e_stop_reset": Trigger,
+    "/odometry_reset": Trigger,
 }
 CALL_TIMEOUT_S = float(os.environ.get("CALL_TIMEOUT_S", "30"))
 

@@ -38,6 +38,12 @@ PATIENCE_S = 60.0
 
 LASER = 'ros2.static_transforms=[{parent="base_link",child="laser",x=0.1,yaw=1.5707963267948966}]'
 
+ON_LOOPBACK = (
+    '<CycloneDDS><Domain><General><Interfaces><NetworkInterface name="lo"/></Interfaces></General>'
+    "</Domain></CycloneDDS>"
+)
+"""The setting of Cyclone DDS with which nodes of FastDDS find it, as docs/ros2.md has it."""
+
 Event = dict[str, Any]
 
 
@@ -249,8 +255,7 @@ class Bridge:
             "ROS_DISTRO": "jazzy",
             "ROS_DOMAIN_ID": str(self.domain),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": self.discovery,
-            "CYCLONEDDS_URI": "<CycloneDDS><Domain><General><Interfaces>"
-            '<NetworkInterface name="lo"/></Interfaces></General></Domain></CycloneDDS>',
+            "CYCLONEDDS_URI": ON_LOOPBACK,
         }
         with self.log.open("a") as log:
             self.process = subprocess.Popen(

@@ -135,6 +135,7 @@ def test_colcon_builds_it_with_all_of_its_files(installed) -> None:
         ours = {path.name for path in (PACKAGE / kind).iterdir() if path.suffix != ".pyc"}
         assert {path.name for path in (share / kind).iterdir()} == ours - {"__pycache__"}
     assert (share / "package.xml").is_file()
+    assert (installed / "lib/yahboomd_bringup/resident").is_file()
     index = installed / "share" / "ament_index" / "resource_index" / "packages"
     assert (index / "yahboomd_bringup").is_file()
 

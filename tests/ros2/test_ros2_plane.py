@@ -228,6 +228,7 @@ def test_natively_the_estop_answers_to_the_names_of_other_bases(
         ("e_stop_trigger", ros2_encoders.trigger_request(), "estopped"),
         ("e_stop_trigger", cdr.HEADER_LE, "estopped"),
         ("e_stop_reset", ros2_encoders.trigger_request(), "standing"),
+        ("odometry_reset", ros2_encoders.trigger_request(), "standing"),
     ):
         answer = graph.ask(native_key(f"bot1/{name}", ros2_names.TRIGGER), request, asked)
         reply = oracle.decode(f"{ros2_names.TRIGGER}_Response", answer.payload.to_bytes())

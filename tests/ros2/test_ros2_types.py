@@ -110,7 +110,8 @@ async def test_natively_both_types_of_commands_are_right_and_others_are_named(
 async def test_another_publisher_of_a_topic_of_ours_is_named(
     watch: TypeWatch, bus: Bus, app: ZenohApp, topic: str
 ) -> None:
-    watch.watch_own(topic, 7, bridge=True, native=True)
+    watch.watch_bridges(topic, "")
+    watch.watch_nodes(topic, "", 7)
     watched = Watched(watch)
 
     def token(zid: str) -> str:

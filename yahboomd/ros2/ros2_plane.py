@@ -32,8 +32,13 @@ A reliable reader gets nothing from a fresh writer of FastDDS before their hands
 which takes a second, and a writer that ends before that is never heard. Not latched: a press of
 yesterday must not stop the robot again when the bridge restarts."""
 
-USUAL_NAMES = {"e_stop_trigger": keys.ESTOP, "e_stop_reset": keys.ESTOP_RESET}
-"""The e-stop's services at other bases; natively both are here as well, as a Trigger."""
+USUAL_NAMES = {
+    "e_stop_trigger": keys.ESTOP,
+    "e_stop_reset": keys.ESTOP_RESET,
+    "odometry_reset": keys.ODOMETRY_RESET,
+}
+"""Second names of services, natively, each a Trigger: the e-stop's are those of other bases. Behind
+the bridge the resident of the bring-up package serves them."""
 
 
 class Ros2Plane:
@@ -60,8 +65,11 @@ class Ros2Plane:
                 wall_ns=clock.wall_ns,
             )
         ways = [way for way in (bridge, native) if way is not None]
+        types = TypeWatch(bus, guarded)
 
         def open_topic(topic: str, ros_type: str, qos: Qos) -> Spread:
+            if bridge is not None:
+                types.routes.watch(topic)
             outlets = tuple(way.publisher(topic, ros_type, qos) for way in ways)
             return Spread(outlets, outlets[:1] if bridge is not None else ())
 
@@ -87,7 +95,6 @@ class Ros2Plane:
             for name, key in USUAL_NAMES.items():
                 serve(native, name, key, ros2_names.TRIGGER)
             native.parameters(parameter_server(config))
-        types = TypeWatch(bus, guarded)
         sent_at = guarded("The time of sending", sent_ns)
         for source in filter(is_ros_name, config.command.sources):
             stamped = source in config.ros2.stamped_commands
@@ -102,12 +109,11 @@ class Ros2Plane:
                 types.watch_nodes(source, ros_type, config.ros2.domain_id)
         own = topics(config)
         for topic in filter(None, (own.odom, own.joint_states)):
-            types.watch_own(
-                topic,
-                config.ros2.domain_id,
-                bridge=bridge is not None,
-                native=native is not None,
-            )
+            # Other publishers of these are a fault.
+            if bridge is not None:
+                types.watch_bridges(topic, "")
+            if native is not None:
+                types.watch_nodes(topic, "", config.ros2.domain_id)
         if bridge is not None:
             bridge.subscriber(keys.ODOMETRY_SET_POSE, ros2_names.POSE, REPEATED)
         if native is not None:

@@ -1,4 +1,4 @@
-"""Nodes that publish another type than a command's topic has: ROS 2 drops that silently.
+"""Nodes that ROS 2 leaves without a word: their type is another, or the bridge forgot their route.
 
 Natively their tokens show them. Behind the bridge its admin space does: it lists all DDS writers,
 also those whose messages it cannot deliver.
@@ -16,7 +16,8 @@ from yahboomd.core.clock import nanoseconds
 from yahboomd.core.daemon.planes import Guard
 from yahboomd.core.daemon.publisher import Pace
 from yahboomd.ros2.messages import ros2_names
-from yahboomd.ros2.survey import Survey
+from yahboomd.ros2.ros2_routes import RouteWatch
+from yahboomd.ros2.survey import Survey, decoded
 
 log = logging.getLogger(__name__)
 
@@ -42,11 +43,16 @@ class TypeWatch:
         self._tokens: dict[str, dict[str, str]] = {}
         self._expected: dict[str, str] = {}
         self._logged = set[str]()
+        self.routes = RouteWatch(bus, guarded)
+        self._route_warning = ""
 
     def watch_bridges(self, source: str, ros_type: str) -> None:
-        """Ask bridges for the writers of a source's topic.
+        """Ask bridges for the writers of a topic.
 
         A bridge with a namespace of its own leaves ours out of the names that ROS sees.
+
+        Args:
+            ros_type: The expected one; "" for a topic that is yahboomd's alone.
         """
         self._expected[source] = ros_type
         found = self._behind_bridges.setdefault(source, {})
@@ -54,7 +60,8 @@ class TypeWatch:
         for topic in dict.fromkeys(named):
 
             def answered(answers: list[bytes], topic: str = topic) -> None:
-                found[topic] = frozenset(filter(None, map(_type_of_writer, answers)))
+                types = (each.type_name for each in decoded(answers, _Writer))
+                found[topic] = frozenset(map(ros2_names.ros_type_of, types))
 
             handler = self._guarded("The types behind the bridge", answered)
             self._surveys.append(Survey(self._bus, f"/{ros2_names.bridge_writers(topic)}", handler))
@@ -73,19 +80,15 @@ class TypeWatch:
         pattern = ros2_names.publisher_tokens(domain_id, self._bus.key(source))
         self._bus.watch_tokens(f"/{pattern}", self._guarded("The types of nodes", changed))
 
-    def watch_own(self, topic: str, domain_id: int, *, bridge: bool, native: bool) -> None:
-        """Look for other publishers of a topic that is yahboomd's alone."""
-        if bridge:
-            self.watch_bridges(topic, "")
-        if native:
-            self.watch_nodes(topic, "", domain_id)
-
     def warnings(self, now_ns: int) -> dict[str, str]:
-        """The faults by source. Call it repeatedly: it also asks the bridges."""
+        """The faults by source, and those of routes. Call it repeatedly: it asks the bridges."""
         if self._pace.due(now_ns) and self._bus.neighbours:
             for survey in self._surveys:
                 survey.ask()
+            self._route_warning = self.routes.ask()
         found = dict[str, str]()
+        if self._route_warning:
+            found["bridge"] = self._logged_once(self._route_warning)
         for source, expected in self._expected.items():
             behind = frozenset[str]().union(*self._behind_bridges.get(source, {}).values())
             # Both kinds of commands are heard natively; one is announced.
@@ -99,7 +102,7 @@ class TypeWatch:
 
     def _words(self, source: str, expected: str, others: list[str]) -> str:
         key = self._bus.key(source)
-        words = (
+        return self._logged_once(
             f"Another program publishes {key}, which is yahboomd's: a second robot, which one "
             "command drives as well, or a node such as joint_state_publisher. Give each robot a "
             "namespace; end that node, or switch the topic off in [ros2]."
@@ -107,6 +110,8 @@ class TypeWatch:
             else f"A node publishes {' and '.join(others)} on {key}, where yahboomd "
             f"expects {expected}: its commands may not arrive. {_remedy(source, expected, others)}"
         )
+
+    def _logged_once(self, words: str) -> str:
         if words not in self._logged:
             self._logged.add(words)
             log.warning("%s", words)
@@ -124,10 +129,3 @@ def _remedy(source: str, expected: str, others: list[str]) -> str:
             "TwistStamped."
         )
     return "Have it send that type, or publish elsewhere."
-
-
-def _type_of_writer(answer: bytes) -> str:
-    try:
-        return ros2_names.ros_type_of(msgspec.json.decode(answer, type=_Writer).type_name)
-    except (ValueError, RecursionError):
-        return ""

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeAlias
+from contextlib import suppress
+from typing import TypeAlias, TypeVar
 
+import msgspec
 import zenoh
 from zenoh.handlers import Callback
 
@@ -22,6 +24,17 @@ ROUND_S = 2.0
 
 Round: TypeAlias = tuple[int, list[bytes]]
 """The number of a session of ours, and the answers that came there."""
+
+Answer = TypeVar("Answer")
+
+
+def decoded(answers: list[bytes], kind: type[Answer]) -> list[Answer]:
+    """The answers in JSON that are of a kind."""
+    found = list[Answer]()
+    for answer in answers:
+        with suppress(ValueError, RecursionError):
+            found.append(msgspec.json.decode(answer, type=kind))
+    return found
 
 
 class Survey:

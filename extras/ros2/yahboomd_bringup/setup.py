@@ -16,6 +16,7 @@ setup(
         (f"share/{NAME}/launch", sorted(glob("launch/*.launch.py"))),
         (f"share/{NAME}/rviz", sorted(glob("rviz/*.rviz"))),
     ],
+    entry_points={"console_scripts": [f"resident = {NAME}.resident:main"]},
     install_requires=["setuptools"],
     zip_safe=True,
     maintainer="yahboomd",

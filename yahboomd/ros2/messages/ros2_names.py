@@ -161,6 +161,15 @@ def bridge_writers(topic: str) -> str:
     return f"@/*/ros2/dds/*/writer/*/rt/{topic}"
 
 
+def bridge_readers(topic: str) -> str:
+    """Asks every bridge for the DDS readers of a topic, in its admin space."""
+    return f"@/*/ros2/dds/*/reader/*/rt/{topic}"
+
+
+BRIDGE_ROUTES = "@/*/ros2/route/topic/sub/**"
+"""Asks every bridge for its routes from Zenoh to DDS, in its admin space."""
+
+
 # --- native ---------------------------------------------------------------------------------
 
 

@@ -108,5 +108,14 @@ def _way(context, robot: Robot) -> list:
             name="zenoh_bridge_ros2dds",
             additional_env={"ROS_DISTRO": ros2["distro"]},
             output="screen",
-        )
+        ),
+        Node(
+            package="yahboomd_bringup",
+            executable="resident",
+            namespace=robot.namespace,
+            arguments=["--yahboomd", robot.command, *robot.options],
+            # Each of its lives has a name of its own.
+            respawn=True,
+            output="screen",
+        ),
     ]
