@@ -39,7 +39,7 @@ MOST_CODE = {
     "moves": 2082,
     "ros2": 1313,
     "simulation": 3154,
-    "tools": 12036,
+    "tools": 12124,
     "web": 3364,
 }
 """The lines of code of each door. They only shrink: a commit that raises one gives the reason, and
@@ -80,7 +80,7 @@ def naming(what: str) -> set[str]:
 
 def test_the_guard_alone_listens_for_local_stops_and_stops_what_its_owner_left() -> None:
     assert naming("local_socket.bound(") == {"tools/port/local_stops.py"}
-    assert naming("import LocalStops, Request") == {"tools/port/guard.py"}
+    assert naming("import LocalStops, MadeSocket, Request") == {"tools/port/guard.py"}
     assert naming('"guard.py"') == {"tools/port/charge.py"}
     # The simulation's console, and the notices of the service manager.
     assert naming("socket.AF_UNIX") == {

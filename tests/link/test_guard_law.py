@@ -53,6 +53,7 @@ class World(NamedTuple):
         wheels: They stand, turn, or run away, which only the surest stop ends.
         request: The time that the owner has to engage the emergency stop that a program asked for;
             None if no program did, or it is engaged.
+        latching: A disk has that emergency stop to write, and takes its time.
         lent: The time that the next owner has to take the port; None if it asked for none.
     """
 
@@ -68,6 +69,7 @@ class World(NamedTuple):
     hears: bool = True
     plugged: bool = True
     request: int | None = None
+    latching: bool = False
     lent: int | None = None
 
 
@@ -110,6 +112,12 @@ class Explorer:
             return
         if state.acknowledged and world.owner != "dead" and world.knows != state.stop:
             raise Broken(f"its stop is not acknowledged: {world}")
+        if over(state):
+            if not world.latching:
+                raise Broken(f"it stays for nothing: {world}")
+            return
+        if world.owner != "dead" and world.promise is None and world.shared and not world.own:
+            raise Broken(f"it keeps a port that its owner may need: {world}")
         disobeys = world.owner == "runs" and state.acknowledged
         if world.wheels == "stand" or (disobeys and world.request is None):
             return
@@ -154,6 +162,9 @@ class Explorer:
             yield from self.feed(world, machine.Ended())
         if world.request is None:
             yield from self.feed(world._replace(request=LIMITS.answer), machine.Asked())
+        if world.latching:
+            written = world._replace(latching=False, request=None)
+            yield from self.feed(written, machine.Latched())
         if world.lent is None:
             lent = LIMITS.lend if world.guard.owner == "ended" else None
             yield from self.feed(world._replace(lent=lent), machine.Wanted())
@@ -194,11 +205,20 @@ class Explorer:
             yield world._replace(writes=True)
         if world.own == world.shared == "good":
             yield from self.feed(world._replace(promise=PROMISE), machine.Renewed(PROMISE))
+        acknowledged, asked = world.knows == state.stop, world.request is not None
+        begun = machine.begun(state.stop, acknowledged, asked, 0, LIMITS)
+        other = self.unlocked(world._replace(guard=begun, shared=""))
+        if world.promise is None:
+            yield other
+        else:
+            yield from self.feed(other._replace(promise=PROMISE), machine.Renewed(PROMISE))
+        if world.own == "good" and not world.shared:
+            yield from self.feed(world._replace(shared="good"), machine.Shared())
         if world.shared:
-            (asked,) = self.feed(world, machine.CloseAsked())
-            if asked.shared:
+            (closed,) = self.feed(world, machine.CloseAsked())
+            if closed.shared:
                 raise Broken(f"it keeps the port from its owner: {world}")
-            yield asked
+            yield closed
         elif world.own:
             yield self.unlocked(world._replace(own=""))
         elif world.plugged and not world.lock:
@@ -217,14 +237,31 @@ class Explorer:
                 raise Broken(f"a kept promise is interrupted: {world}")
             if world.promise < -LIMITS.late and not before.patient:
                 raise Broken(f"it interrupts a promise for a pause of its own: {world}")
+        left = over(state) and not over(before) and world.wheels != "stand"
+        if left and world.lock != "foreign":
+            raise Broken(f"it leaves turning wheels: {world}")
         worlds = [world._replace(guard=state)]
         for number, action in enumerate(actions):
+            if action == "latch" and isinstance(event, self.machine.Tick):
+                self.check_order(worlds[0])
             if action in {"send zero", "send surest", "look"} and worlds[0].shared != "good":
                 # What fails ends the row.
                 return self.feed(worlds[0], self.machine.Gone(), lucky=lucky)
             worlds = [w for each in worlds for w in self.act(each, action, lucky=lucky)]
-            assert len(worlds) == 1 or number == len(actions) - 1
+            assert len(worlds) == 1 or {*actions[number + 1 :]} <= {"latch"}
+        acts = before.owner == "ended" and before.due is not None and before.due <= 0
+        if acts and isinstance(event, self.machine.Tick):
+            for after in worlds:
+                if after.request is not None and not after.latching:
+                    raise Broken(f"it does not write that a stop was asked for: {after}")
         return worlds
+
+    def check_order(self, world: World) -> None:
+        """A disk may hang: the stop goes first."""
+        free = not world.lock and not world.lent
+        reached = world.hears and world.plugged and (world.shared == "good" or free)
+        if world.wheels != "stand" and reached:
+            raise Broken(f"it writes to the disk before it stops: {world}")
 
     def act(self, world: World, action: str, *, lucky: bool) -> list[World]:
         machine = self.machine
@@ -243,6 +280,9 @@ class Explorer:
             unseen = [] if lucky and seen else [machine.Looked(False)]
             return [w for each in seen + unseen for w in self.feed(world, each, lucky=lucky)]
         if action == "open":
+            state = world.guard
+            if state.stopped and state.acknowledged and not state.turning:
+                raise Broken(f"it takes a port again and again that its owner may need: {world}")
             ours = world.plugged and not world.lock
             if ours:
                 world = self.stopped(world)._replace(lock="guard", shared="good")
@@ -254,7 +294,7 @@ class Explorer:
                 raise Broken(f"it lends what it has not: {world}")
             return [world if world.lock == "foreign" else world._replace(lock="")]
         if action == "latch":
-            return self.feed(world._replace(request=None), machine.Latched(), lucky=lucky)
+            return [world if world.guard is None else world._replace(latching=True)]
         if action == "kill":
             if world.promise is None:
                 raise Broken(f"it kills an owner whose wheels stand: {world}")
@@ -262,8 +302,6 @@ class Explorer:
         if action == "end":
             if world.owner != "dead":
                 raise Broken(f"it leaves its owner alone: {world}")
-            if world.wheels != "stand" and world.lock != "foreign":
-                raise Broken(f"it ends beside turning wheels: {world}")
             if world.request is not None:
                 raise Broken(f"it ends without the emergency stop that was asked for: {world}")
             return [world._replace(guard=None)]
@@ -289,7 +327,16 @@ class Explorer:
     def settled(self, world: World) -> World:
         """The same without differences that mean nothing."""
         state = world.guard and settled(world.guard)
+        if state and state.owner == "ended":
+            # What a dead owner promised, knew and had to obey makes no difference.
+            request = world.request and 0
+            return world._replace(guard=state, promise=None, knows=0, request=request)
         return world if state is world.guard else world._replace(guard=state)
+
+
+def over(state: Any) -> bool:
+    """Whether the guard has left the wheels, and may wait for a disk alone."""
+    return state.owner == "ended" and state.due is None
 
 
 @lru_cache(None)
@@ -310,7 +357,12 @@ def settled(state: Any) -> Any:
     since = 0 if state.acknowledged else max(-LIMITS.kill_after, state.since)
     due = None if state.due is None else max(-LATE, state.due)
     asked, lent = (time and max(0, time) for time in (state.asked, state.lent))
-    return state._replace(until=until, since=since, due=due, asked=asked, lent=lent)
+    state = state._replace(until=until, since=since, due=due, asked=asked, lent=lent)
+    if state.owner == "ended":
+        return state._replace(
+            until=0, since=0, stop=0, acknowledged=True, patient=False, asked=asked and 0
+        )
+    return state if asked is not None else state._replace(stopped=False)
 
 
 def test_wheels_stand_in_time_and_the_guard_ends_beside_standing_wheels() -> None:
@@ -324,25 +376,38 @@ def test_wheels_stand_in_time_and_the_guard_ends_beside_standing_wheels() -> Non
     ("rule", "without"),
     [
         ("promised = state.until if state.turning else None", "promised = None"),
-        ("(promised, state.asked)", "(promised,)"),
+        ("(promised, asked)", "(promised,)"),
         ("turning=True, until=until", "turning=True, until=now"),
         ("state._replace(turning=False)", "state"),
         ("if not state.acknowledged or state.owner", "if False or state.owner"),
         ("if stop != state.stop:", "if False:"),
+        ("acknowledged=acknowledged, since=now, due=now", "since=now, due=now"),
+        ("acknowledged=acknowledged, since=now, due=now", "acknowledged=acknowledged, since=now"),
+        ("asked=now + limits.answer if asked else None", "asked=None"),
+        ("State(stop=stop, acknowledged", "State(acknowledged"),
         ('_replace(holds=False), ("close", "answer")', '_replace(holds=False), ("answer",)'),
         ('_replace(holds=True), ("answer",)', '_replace(holds=False), ("answer",)'),
-        ('_replace(holds=False), ("close", *_latch(state))', "_replace(), ()"),
-        ('_replace(holds=False), ("close", *_latch(state))', '_replace(holds=False), ("close",)'),
-        ("state = state._replace(holds=ours)", "state = state._replace(holds=True)"),
-        ("return state._replace(due=due)", "return state._replace(due=None)"),
-        ("if stand:", "if True:"),
-        (
-            'if state.owner == "ended" else ()\n        case Tick',
-            "if True else ()\n        case Tick",
-        ),
-        ("if not state.turning:", "if True:"),
+        ('_replace(holds=False), ("close",)', "_replace(), ()"),
+        ("holds=ours, due=now + limits.repeat", "holds=True, due=now + limits.repeat"),
+        ("holds=ours, due=now + limits.repeat", "holds=ours, due=None"),
+        ("if ours and not state.turning:", "if False:"),
+        ("if ours and not state.turning:", "if ours:"),
+        ("_awaiting(state._replace(stopped=True))", "state._replace(stopped=True)"),
+        ("if stand else", "if True else"),
+        ('if state.owner == "ended" else (state, ())', "if True else (state, ())"),
+        ("(state, ()) if state.turning else _over(state)", "_over(state)"),
+        ("(*acts, *_latch(state))", "acts"),
+        ("(*acts, *_latch(state))", "(*_latch(state), *acts)"),
+        ('owner="ended", due=now', 'owner="ended"'),
+        ('*(_latch(state) or ("end",))', '*_latch(state), "end"'),
+        ('*(_latch(state) or ("end",))', '"end"'),
+        ("return _over(state) if over else", "return"),
+        ('over = state.owner == "ended" and not state.turning', "over = not state.turning"),
+        ('over = state.owner == "ended" and not state.turning', 'over = state.owner == "ended"'),
+        ("turning=False, due=None", "due=None"),
+        ("if not (state.turning or state.holds):", "if False:"),
         ("if state.due is None or now < state.due:", "if state.due is None:"),
-        ('("look",) if state.holds else ("open",)\n    if', '("look",)\n    if'),
+        ('("look",) if state.holds else ("open",)', '("look",)'),
         ("if now - state.due > limits.late and not state.patient and not asked:", "if False:"),
         ("> limits.late and not state.patient and not asked:", "> limits.late and not asked:"),
         ("and not state.patient and not asked:", "and not state.patient:"),
@@ -353,12 +418,13 @@ def test_wheels_stand_in_time_and_the_guard_ends_beside_standing_wheels() -> Non
         ("again = state._replace(due=now + limits.repeat)", "again = state._replace(due=None)"),
         ("now + limits.answer if state.asked is None else state.asked", "now"),
         ("_awaiting(state), _latch(state)", "_awaiting(state), ()"),
-        ("_awaiting(state._replace(asked=None)), ()", "_awaiting(state), ()"),
-        ('return state, (*latch, "close", "end")', 'return state, ("close", "end")'),
+        ("state = state._replace(asked=None)", "state = state"),
+        ("asked=due, stopped=False", "asked=due"),
+        ("None if state.stopped else state.asked", "state.asked"),
         ('("unlock",) if state.holds else ()', '("unlock",)'),
         ("if state.lent is not None and now < state.lent:", "if False:"),
         ("now < state.lent:", "True:"),
-        ('("send surest",) if state.holds else ()', "()"),
+        ('acts = ("send surest",) if state.holds else ()', "acts = ()"),
         ('if state.owner != "ended":\n                return', "if False:\n                return"),
     ],
 )

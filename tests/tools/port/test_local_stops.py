@@ -28,7 +28,7 @@ from yahboomd.tools.stop.local_socket import Peer, peer_of, tell_others
 @pytest.fixture
 def stops(tmp_path: Path) -> Iterator[LocalStops]:
     made = LocalStops()
-    made.listen(str(tmp_path), "stop")
+    listen(made, tmp_path)
     yield made
     made.close()
 
@@ -37,6 +37,12 @@ def stops(tmp_path: Path) -> Iterator[LocalStops]:
 def clients() -> Iterator[ExitStack]:
     with ExitStack() as stack:
         yield stack
+
+
+def listen(stops: LocalStops, folder: Path | str) -> None:
+    """Have it listen below its best name there."""
+    if (made := stops.made(str(folder), "stop")) is not None:
+        stops.listen(*made)
 
 
 def asking(path: str, clients: ExitStack, request: bytes = b"") -> socket.socket:
@@ -164,7 +170,7 @@ def test_the_next_owner_is_heard_by_every_other_guard_if_it_may_end_one(
 
 def test_the_file_is_for_the_owner_and_the_group(tmp_path: Path) -> None:
     made = LocalStops()
-    made.listen(str(tmp_path / "run"), "stop")
+    listen(made, tmp_path / "run")
     status = (tmp_path / "run" / "stop.sock").stat()
     assert stat.S_IMODE(status.st_mode) == 0o660
     made.close()
@@ -179,7 +185,7 @@ def test_what_a_dead_guard_left_behind_is_replaced_and_a_living_ones_socket_is_n
             dead.bind(str(tmp_path / name))
     made = [LocalStops() for _ in range(3)]
     for each in made:
-        each.listen(str(tmp_path), "stop")
+        listen(each, tmp_path)
     own = f"stop-{os.getpid()}"
     assert {path.name for path in tmp_path.iterdir()} == {
         *("stop.sock", f"{own}.sock", f"{own}-2.sock")
@@ -188,10 +194,10 @@ def test_what_a_dead_guard_left_behind_is_replaced_and_a_living_ones_socket_is_n
         asking(each.path, clients)
         # It has the best name that it can have.
         path = each.path
-        each.listen(str(tmp_path), "stop")
+        listen(each, tmp_path)
         assert each.path == path
     made[0].close()
-    made[1].listen(str(tmp_path), "stop")
+    listen(made[1], tmp_path)
     assert made[1].path == f"{tmp_path}/stop.sock"
     for each in made[1:]:
         each.close()
@@ -199,13 +205,13 @@ def test_what_a_dead_guard_left_behind_is_replaced_and_a_living_ones_socket_is_n
 
 def test_in_a_folder_that_was_removed_it_listens_again(tmp_path: Path, clients: ExitStack) -> None:
     made, folder = LocalStops(), tmp_path / ("x" * 120)
-    made.listen(str(folder), "stop")
+    listen(made, folder)
     shutil.rmtree(folder)
     folder.touch()
     with pytest.raises(OSError, match="exists"):
-        made.listen(str(folder), "stop")
+        listen(made, folder)
     folder.unlink()
-    made.listen(str(folder), "stop")
+    listen(made, folder)
     assert (folder / "stop.sock").is_socket()
     made.close()
 
@@ -227,7 +233,7 @@ def test_a_member_of_the_group_by_any_of_its_groups_may_use_it() -> None:
     with tempfile.TemporaryDirectory() as folder:
         os.chmod(folder, 0o755)
         made = LocalStops()
-        made.listen(folder, "stop")
+        listen(made, folder)
         os.chown(made.path, -1, 77)
         with subprocess.Popen([sys.executable, "-c", MEMBER, made.path]):
             assert made._listening is not None

@@ -95,7 +95,6 @@ def stop_again(seized: Seized) -> None:
     Raises:
         OSError: It went away, or takes no output (``ETIMEDOUT``).
     """
-    _keep_out(seized.fd)
     if _speak(seized.fd, seized.baudrate):
         _speak(seized.fd, seized.baudrate)
 
@@ -119,7 +118,7 @@ def take(path: str, *, dtr: bool, rts: bool, device: Device | None = None) -> in
         for line, raised in ((termios.TIOCM_DTR, dtr), (termios.TIOCM_RTS, rts)):
             _set_line(fd, line, raised=raised)
         fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        _keep_out(fd)
+        keep_out(fd)
     except BaseException:
         os.close(fd)
         raise
@@ -131,7 +130,7 @@ def _check(path: str, status: os.stat_result, device: Device | None) -> None:
         raise OtherDevice(errno.ENXIO, "another device has this name now", path)
 
 
-def _keep_out(fd: int) -> None:
+def keep_out(fd: int) -> None:
     """Lock out processes that ask for no lock, until the port is closed.
 
     Not on a pseudo-terminal: there it lasts as long as the far end, so that a killed owner

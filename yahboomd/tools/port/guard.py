@@ -33,10 +33,11 @@ from yahboomd.core.link import guard_words as words
 from yahboomd.core.link import port_note
 from yahboomd.core.link.port_note import PortNote
 from yahboomd.core.link.promise import Promise
-from yahboomd.core.link.seize import Seized, stop_again
+from yahboomd.core.link.seize import Seized, keep_out, stop_again
 from yahboomd.tools.port import guard_law as law
 from yahboomd.tools.port.charge import Charge
-from yahboomd.tools.port.local_stops import LocalStops, Request
+from yahboomd.tools.port.disk_work import DiskWork
+from yahboomd.tools.port.local_stops import LocalStops, MadeSocket, Request
 from yahboomd.tools.stop import last_stop
 from yahboomd.tools.stop.local_socket import tell_others
 
@@ -58,8 +59,12 @@ NOT_SENT = (
     "It goes on trying."
 )
 ENDED_BEFORE = "yahboomd (pid {pid}) has ended; its guard stops the wheels."
+NOT_ON_FILE = " It is not on file yet ({}): a restart would release it."
 TRYING = "The wheels may turn, and the guard goes on trying: switch the motors' supply off."
 RELIEVED = "Another yahboomd (its guard is pid {pid}) has {port} now, and sent its stop."
+
+LATCHED_WITHIN_MS = 500
+"""Who asks for an emergency stop waits no longer for a disk."""
 
 SAID_AFTER_S = (1.0, 10.0)
 SAID_EVERY_S = 60.0
@@ -73,7 +78,6 @@ NEVER_MS = 60_000
 _FAILED: dict[law.Action, law.Event] = {
     "open": law.Opened(ours=False),
     "look": law.Looked(stand=False),
-    "latch": law.Latched(),
 }
 """What an action answers that failed in a way that it does not know of, an import perhaps."""
 
@@ -89,10 +93,16 @@ class Guard:
         self._owner = -1
         self._promise = promise
         self._limits = law.Limits() if charge.kills else law.Limits(kill_after=FAR_MS)
-        # A guard before this one may have left a request.
-        asked = None if promise.asked == promise.obeyed else _now_ms()
-        self._state = law.State(stop=promise.stop, asked=asked, due=asked)
+        acknowledged = promise.acknowledged == promise.stop
+        asked = promise.asked != promise.obeyed
+        self._state = law.begun(promise.stop, acknowledged, asked, _now_ms(), self._limits)
         self._stops = LocalStops(promise.asked)
+        self._disk = DiskWork()
+        self._others = select.epoll()
+        for each in (self._stops, self._disk):
+            self._others.register(each, select.EPOLLIN)
+        self._blind: Exception | str | None = "its imports wait for the disk"
+        self._latching: int | None = None
         self._refused, self._dropped = promise.refused, promise.dropped
         self._listening = words.Listening("", "")
         self._by = "the local socket"
@@ -102,6 +112,7 @@ class Guard:
         self._has_relay = False
         self._seized: Seized | None = None
         self._brake = self._surest = b""
+        self._ended_before = ENDED_BEFORE.format(pid=charge.owner)
         self._why = ENDED
         self._trouble: Exception | TakeoverReport | None = None
         self._outcome = ""
@@ -114,7 +125,7 @@ class Guard:
         """Guard until the wheels were seen to stand."""
         self._channel.setblocking(False)
         poll = self._poll
-        poll.register(self._stops, select.POLLIN)
+        poll.register(self._others, select.POLLIN)
         poll.register(self._channel, select.POLLIN)
         with contextlib.suppress(OSError):
             # A child of the owner may hold the other end of the channel.
@@ -123,11 +134,13 @@ class Guard:
         while not self._over:
             due, now = self._state.due, _now_ms()
             wait_ms = NEVER_MS if due is None else max(0, min(NEVER_MS, due - now))
+            if self._latching is not None:
+                wait_ms = min(wait_ms, LATCHED_WITHIN_MS)
             ready = {fd for fd, _ in poll.poll(wait_ms)}
             if self._state.owner != "ended":
                 # While it is the parent, its id cannot belong to another process.
                 self._hear(ended=self._owner in ready or os.getppid() != self._charge.owner)
-            if self._stops.fileno() in ready and not self._over:
+            if self._others.fileno() in ready and not self._over:
                 self._serve_stops()
             if (later := self._later) is not None and not self._over:
                 self._later = None
@@ -135,6 +148,12 @@ class Guard:
             if not self._over:
                 self._take(law.Tick())
                 self._tell()
+            if self._latching is not None and _now_ms() - self._latching >= LATCHED_WITHIN_MS:
+                self._latching = None
+                self._answer_latched("the disk does not answer")
+        # A disk holds up nothing any more.
+        if getattr(self._trouble, "stood", False):
+            port_note.end(self._charge.folder, self._charge.owner)
         self._stops.close()
 
     # What the owner says.
@@ -164,6 +183,9 @@ class Guard:
             for fd in (self._channel.fileno(), self._owner):
                 with contextlib.suppress(KeyError, ValueError):
                     self._poll.unregister(fd)
+            facts = json.loads(self._stops.facts)
+            facts |= {"connected": False, "state": "ended", "why": self._ended_before}
+            self._stops.facts = json.dumps(facts).encode()
             self._take(law.Ended())
 
     def _read(self, name: bytes, value: bytes, fd: int | None = None) -> None:
@@ -186,12 +208,8 @@ class Guard:
             self._take(law.CloseAsked())
         elif name == words.LISTEN:
             self._listening = words.Listening(*json.loads(value))
-            try:
-                self._stops.listen(self._listening.folder, self._listening.name)
-            except OSError as error:
-                self._say_to_owner(b"%s  %s" % (words.SOCKET, str(error).encode()))
-            else:
-                self._say_to_owner(b"%s %s" % (words.SOCKET, os.fsencode(self._stops.path)))
+            made = partial(self._stops.made, self._listening.folder, self._listening.name)
+            self._disk.do("listen", made, self._listen)
             # Again and again: a guard that missed it would stop this owner's wheels.
             self._tell_held()
         elif name == words.FACTS:
@@ -201,13 +219,22 @@ class Guard:
             tell = self._stops.answer if name == words.ANSWERED else self._stops.finish
             tell(int(number), line)
         elif name == words.WANTED:
-            tell_others(self._listening.folder, self._stops.path, words.NEXT, int(value))
+            self._tell_others(words.NEXT, int(value))
+
+    def _listen(self, made: MadeSocket | Exception | None) -> None:
+        if isinstance(made, MadeSocket):
+            self._stops.listen(*made)
+        path = f" {made}" if isinstance(made, Exception) else self._stops.path
+        self._say_to_owner(b"%s %s" % (words.SOCKET, os.fsencode(path)))
 
     def _tell_held(self) -> None:
         """Tell the guard of a dead owner that this one has its device, and sent its stop."""
         if self._seized is not None and self._surest:
-            device = os.fstat(self._seized.fd).st_rdev
-            tell_others(self._listening.folder, self._stops.path, words.HELD, device)
+            self._tell_others(words.HELD, os.fstat(self._seized.fd).st_rdev)
+
+    def _tell_others(self, verb: bytes, device: int) -> None:
+        own, folder = self._stops.path, self._listening.folder
+        self._disk.do(verb.decode(), partial(tell_others, folder, own, verb, device))
 
     def _heard_ms(self) -> int | None:
         return None if self._seized is None else self._promise.heard_ms
@@ -228,11 +255,12 @@ class Guard:
     # What other programs ask for.
 
     def _serve_stops(self, *, looking: bool = False) -> None:
-        """Take the requests of other programs.
+        """Take the requests of other programs, and what the disk has done.
 
         Args:
             looking: The wheels are watched: the next owner asks again after that.
         """
+        self._disk.take()
         for request in self._stops.take():
             if request.by:
                 self._by = request.by
@@ -272,24 +300,28 @@ class Guard:
             return False
         try:
             fcntl.flock(self._seized.fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            keep_out(self._seized.fd)
         except OSError:
             return False
         return True
 
-    def _latch(self) -> law.Event:
-        sentence = ENDED_BEFORE.format(pid=self._charge.owner)
+    def _latch(self) -> None:
+        self._latching = self._latching or _now_ms()
+        job = partial(_put_on_file, self._listening.latch, self._by)
+        self._disk.do("latch", job, self._latched)
+
+    def _latched(self, trouble: Exception | None) -> None:
+        self._latching = None
+        self._answer_latched(trouble)
+        self._take(law.Latched())
+
+    def _answer_latched(self, trouble: Exception | str | None) -> None:
+        sentence = self._ended_before
         if self._listening.latch:
             sentence = f"Emergency stop engaged by {self._by}. {sentence}"
-            try:
-                from pathlib import Path
-
-                from yahboomd.core.daemon.estop.latch_file import LatchFile
-
-                LatchFile(Path(self._listening.latch)).engage(self._by)
-            except Exception as error:  # noqa: BLE001 - who asked gets an answer in any case
-                sentence += f" It is not on file ({error}): a restart would release it."
+            if trouble is not None:
+                sentence += NOT_ON_FILE.format(trouble)
         self._answer(sentence, sent=self._seized is not None or not self._state.turning)
-        return law.Latched()
 
     def _answer_for_owner(self) -> None:
         """Answer a request that the owner does not obey."""
@@ -300,7 +332,7 @@ class Guard:
 
     def _finish(self, *, stood: bool | None) -> None:
         # A request that the owner left unanswered.
-        self._answer(ENDED_BEFORE.format(pid=self._charge.owner), sent=True)
+        self._answer(self._ended_before, sent=True)
         seen = {"stood": stood, "fastest_m_s": 0.0 if stood else None, "why": self._outcome}
         self._stops.finish(self._promise.asked, json.dumps(seen).encode())
 
@@ -338,7 +370,7 @@ class Guard:
         elif action == "look":
             return self._look()
         elif action == "latch":
-            return self._latch()
+            self._latch()
         elif action == "unlock":
             assert self._seized is not None
             with contextlib.suppress(OSError):
@@ -382,6 +414,10 @@ class Guard:
 
     def _look(self) -> law.Event:
         assert self._seized is not None
+        if self._blind is not None:
+            gone = self._send(self._surest)
+            self._disk.do("import", last_stop.prepare, self._prepared)
+            return gone or law.Looked(stand=False)
         if self._why:
             why, self._why = self._explained_why(), ""
             self._say(f"{why} A stop was sent.")
@@ -396,11 +432,14 @@ class Guard:
                 return law.Gone()
         try:
             attend = partial(self._serve_stops, looking=True)
-            self._trouble = report = last_stop.watched(self._seized, self._stops.fileno(), attend)
+            self._trouble = report = last_stop.watched(self._seized, self._others.fileno(), attend)
         except Exception as error:  # noqa: BLE001 - whatever fails, stops go on
             self._trouble = error
             return law.Looked(stand=False)
         return law.Looked(stand=report.stood is True)
+
+    def _prepared(self, error: Exception | None) -> None:
+        self._blind = error
 
     def _close(self) -> None:
         """Close the port: while it is open, the kernel gives its name to no other device."""
@@ -415,8 +454,6 @@ class Guard:
             from yahboomd.tools.stop.stop_port import describe
 
             self._outcome = self._outcome or describe(self._trouble)
-            if self._trouble.stood:
-                port_note.end(self._charge.folder, self._charge.owner)
         if self._outcome:
             self._say(self._outcome)
             self._say_to_owner(self._outcome.encode())
@@ -434,25 +471,32 @@ class Guard:
         if self._over or time.monotonic() - self._began_s < self._word_s:
             return
         self._word_s = next(self._due_s)
-        try:
-            unfinished = last_stop.unfinished(self._note, self._trouble)
-        except ImportError as error:
-            unfinished = f"{TRYING} ({error})"
-        self._say(f"{self._explained_why()} {unfinished}".lstrip())
-        self._why = ""
+        why, self._why = self._explained_why(), ""
+        if self._blind is None:
+            self._say(f"{why} {last_stop.unfinished(self._note, self._trouble)}".lstrip())
+        else:
+            last_stop.write(f"{why} {TRYING} ({self._blind})".lstrip())
 
     def _say(self, sentence: str) -> None:
         """Print words, unless the owner lives: it says them itself."""
         poll = select.poll()
         poll.register(self._channel, 0)
         if os.getppid() != self._charge.owner or poll.poll(0):
-            # A package that is gone, in an upgrade perhaps, silences it, and no more.
-            with contextlib.suppress(ImportError):
-                last_stop.say(sentence)
+            last_stop.say(sentence)
 
     def _say_to_owner(self, answer: bytes) -> None:
         with contextlib.suppress(OSError):
             self._channel.send(answer)
+
+
+def _put_on_file(path: str, by: str) -> None:
+    """Engage the emergency stop on file; the disk may hold it up."""
+    if path:
+        from pathlib import Path
+
+        from yahboomd.core.daemon.estop.latch_file import LatchFile
+
+        LatchFile(Path(path)).engage(by)
 
 
 def _now_ms() -> int:

@@ -14,7 +14,8 @@ around it carries out each action before the next event. One that fails ends the
 - ``Open``: open the device, by its identity, which sends its first stop; :class:`Opened`;
 - ``Look``: stop the board, ask for counts, and watch them for some seconds; :class:`Looked`, or
   :class:`Gone`;
-- ``Latch``: put the emergency stop on file, and answer who asked for it; :class:`Latched`.
+- ``Latch``: have the emergency stop put on file, which a disk may hold up; :class:`Latched` follows
+  once it is there, or cannot be.
 
 What the owner wrote before its end is handed over before :class:`Ended`.
 """
@@ -80,7 +81,7 @@ class Obeyed(NamedTuple):
 
 
 class Latched(NamedTuple):
-    """The emergency stop is on file, or cannot be, and who asked for it knows which."""
+    """The emergency stop is on file, or cannot be."""
 
 
 class Ended(NamedTuple):
@@ -153,6 +154,7 @@ class State(NamedTuple):
         due: When to act next; None for nothing to do.
         patient: The guard woke late, and waits once more.
         asked: By when the owner has to obey a request; None if it has.
+        stopped: The guard sent the stop of that request on a port that the owner had closed.
         lent: Until when the next owner may take the port: it is written to, and neither read nor
             locked.
     """
@@ -167,7 +169,14 @@ class State(NamedTuple):
     due: int | None = None
     patient: bool = False
     asked: int | None = None
+    stopped: bool = False
     lent: int | None = None
+
+
+def begun(stop: int, acknowledged: bool, asked: bool, now: int, limits: Limits) -> State:
+    """How a guard begins after one that its owner replaced: with that one's stop and request."""
+    state = State(stop=stop, acknowledged=acknowledged, since=now, due=now)
+    return _awaiting(state._replace(asked=now + limits.answer if asked else None))
 
 
 Step: TypeAlias = tuple[State, tuple[Action, ...]]
@@ -190,30 +199,32 @@ def step(state: State, event: Event, now: int, limits: Limits) -> Step:
             return _awaiting(state._replace(acknowledged=True)), ()
         case Asked():
             due = now + limits.answer if state.asked is None else state.asked
-            state = state._replace(asked=due)
+            state = state._replace(asked=due, stopped=False)
             return _awaiting(state), _latch(state)
         case Obeyed() | Latched():
-            return _awaiting(state._replace(asked=None)), ()
+            state = state._replace(asked=None)
+            over = state.owner == "ended" and not state.turning
+            return _over(state) if over else (_awaiting(state), ())
         case Ended():
-            return _alone(state._replace(owner="ended"), now)
+            # The tick that follows acts at once.
+            state = state._replace(owner="ended", due=now)
+            return (state, ()) if state.turning else _over(state)
         case Gone():
             # The next tick opens the device again.
-            return state._replace(holds=False), ("close", *_latch(state))
+            return state._replace(holds=False), ("close",)
         case Opened(ours):
-            state = state._replace(holds=ours)
-            looks = ours and state.owner == "ended"
-            due = now + limits.repeat
-            return state._replace(due=due), ("look",) if looks else ()
+            if ours and not state.turning:
+                # The stop was sent; a suspended owner, or another program, needs the port.
+                return _awaiting(state._replace(stopped=True)), ("close",)
+            return state._replace(holds=ours, due=now + limits.repeat), ()
         case Looked(stand):
-            if stand:
-                return state, ("close", "end")
-            return state._replace(due=now + limits.repeat), ()
+            return _over(state) if stand else (state._replace(due=now + limits.repeat), ())
         case Wanted():
             if state.owner != "ended":
                 return state, ()
             return state._replace(lent=now + limits.lend), ("unlock",) if state.holds else ()
         case Relieved():
-            return state, ("close", "end") if state.owner == "ended" else ()
+            return _over(state) if state.owner == "ended" else (state, ())
         case Tick():
             return _acted(state, now, limits)
 
@@ -223,25 +234,19 @@ def _awaiting(state: State) -> State:
     if not state.acknowledged or state.owner == "ended":
         return state
     promised = state.until if state.turning else None
-    return state._replace(
-        due=min((t for t in (promised, state.asked) if t is not None), default=None)
-    )
+    asked = None if state.stopped else state.asked
+    return state._replace(due=min((t for t in (promised, asked) if t is not None), default=None))
 
 
-def _latch(state: State) -> tuple[Action, ...]:
+def _latch(state: State) -> tuple[Literal["latch"], ...]:
     """Obey a request in place of an owner that no longer can."""
     return ("latch",) if state.owner == "ended" and state.asked is not None else ()
 
 
-def _alone(state: State, now: int) -> Step:
-    """Act at once, now that the owner is gone."""
-    latch = _latch(state)
-    if not state.turning:
-        return state, (*latch, "close", "end")
-    return state._replace(due=now), ("send surest", *latch, "look") if state.holds else (
-        *latch,
-        "open",
-    )
+def _over(state: State) -> Step:
+    """The wheels stand, or are the next owner's: end, once a request is on file."""
+    state = state._replace(holds=False, turning=False, due=None)
+    return state, ("close", *(_latch(state) or ("end",)))
 
 
 def _acted(state: State, now: int, limits: Limits) -> Step:
@@ -249,13 +254,19 @@ def _acted(state: State, now: int, limits: Limits) -> Step:
         return state, ()
     again = state._replace(due=now + limits.repeat)
     if state.owner == "ended":
+        acts: tuple[Action, ...] = ("look",) if state.holds else ("open",)
         if state.lent is not None and now < state.lent:
-            return again, ("send surest",) if state.holds else ()
-        return again._replace(lent=None), ("look",) if state.holds else ("open",)
+            acts = ("send surest",) if state.holds else ()
+        else:
+            again = again._replace(lent=None)
+        # The stop goes before the disk.
+        return again, (*acts, *_latch(state))
     if state.acknowledged:
         asked = state.asked is not None and now >= state.asked
         if now - state.due > limits.late and not state.patient and not asked:
             return state._replace(patient=True, due=now + limits.patience), ()
+        if not (state.turning or state.holds):
+            return again, ("open",)
         again = again._replace(
             stop=(state.stop + 1) % limits.numbers, acknowledged=False, since=now, patient=False
         )

@@ -41,6 +41,14 @@ PAUSE_S = 0.01
 NAMES_TRIED = 9
 
 
+class MadeSocket(NamedTuple):
+    """A socket that listens, its path, and the state of its file."""
+
+    path: str
+    sock: socket.socket
+    status: os.stat_result
+
+
 class Request(NamedTuple):
     """A request that a program made.
 
@@ -95,10 +103,11 @@ class LocalStops:
 
     # The socket.
 
-    def listen(self, folder: str, name: str) -> None:
-        """Listen on ``name.sock`` in a folder, or on ``name-PID.sock`` if another guard has that.
+    def made(self, folder: str, name: str) -> MadeSocket | None:
+        """A socket ``name.sock`` in a folder, or ``name-PID.sock`` if another guard has that.
 
-        A socket that programs still find by the better name stays. Blocks for as long as the disk.
+        One that programs still find by the better name stays: None. This blocks for as long as the
+        disk, and changes nothing here, so that another thread may do it.
 
         Raises:
             OSError: The folder cannot be used, or no name is free.
@@ -112,12 +121,12 @@ class LocalStops:
         fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
         try:
             if self._there() and (self.path == best or local_socket.lives(fd, best)):
-                return
+                return None
             # Two that start at once must not take each other's file for a dead one's. Somebody
             # who may read the folder could hold the lock indefinitely, so it is not waited for.
             with contextlib.suppress(BlockingIOError):
                 fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            self._hang_up()
+            self._unlink()
             for old in glob(f"{escape(folder)}/{name}-*.sock"):
                 if not local_socket.lives(fd, old):
                     local_socket.unlink(old)
@@ -125,16 +134,18 @@ class LocalStops:
             for path in (best, f"{own}.sock", *(f"{own}-{n}.sock" for n in range(2, NAMES_TRIED))):
                 if not local_socket.lives(fd, path):
                     local_socket.unlink(path)
-                    self._bind(fd, path)
-                    return
+                    return MadeSocket(path, *local_socket.bound(fd, path))
         finally:
             os.close(fd)
         raise OSError(errno.EADDRINUSE, f"other guards have every name {folder}/{name}-*.sock")
 
-    def _bind(self, fd: int, path: str) -> None:
-        self._listening, status = local_socket.bound(fd, path)
-        self.path, self._inode, self._group = path, status.st_ino, status.st_gid
-        self._epoll.register(self._listening, select.EPOLLIN)
+    def listen(self, path: str, sock: socket.socket, status: os.stat_result) -> None:
+        """Listen on a socket that was made, instead of the one before."""
+        if self._listening is not None:
+            self._listening.close()
+        self.path, self._listening = path, sock
+        self._inode, self._group = status.st_ino, status.st_gid
+        self._epoll.register(sock, select.EPOLLIN)
 
     def _there(self) -> bool:
         """Whether programs find the socket: its file is not gone, nor another guard's."""
@@ -143,20 +154,18 @@ class LocalStops:
         return False
 
     def close(self) -> None:
-        """End all of it."""
-        self._hang_up()
+        """End all of it: first what a disk cannot hold up."""
         for connection in [*self._connections.values()]:
             self._forget(connection)
-        self._epoll.close()
-
-    def _hang_up(self) -> None:
-        """Close the socket, and remove its file unless it is another guard's by now."""
-        if self._there():
-            local_socket.unlink(self.path)
-        self.path = ""
         if self._listening is not None:
             self._listening.close()
-            self._listening = None
+        self._epoll.close()
+        self._unlink()
+
+    def _unlink(self) -> None:
+        """Remove the socket's file, unless it is another guard's by now."""
+        if self._there():
+            local_socket.unlink(self.path)
 
     # Requests.
 

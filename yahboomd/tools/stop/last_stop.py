@@ -94,15 +94,30 @@ def unfinished(note: PortNote, trouble: Exception | TakeoverReport | None) -> st
     )
 
 
+def prepare() -> None:
+    """Import what the rest of this file needs, and what describes a report."""
+    import asyncio  # noqa: F401
+
+    import yahboomd.core.link.takeover
+    import yahboomd.core.program
+    import yahboomd.tools.stop.stop_port
+    import yahboomd.tools.stop.unresponsive  # noqa: F401
+
+
 def say(words: str) -> None:
-    """Print a line to standard error, unless its reader is gone or accepts nothing."""
+    """Print a line for a person, without what a terminal may not show."""
     from yahboomd.core.program import pasteable, readable
 
+    write(pasteable(readable(words)))
+
+
+def write(words: str) -> None:
+    """Print a line to standard error, unless its reader is gone or accepts nothing."""
     poll = select.poll()
     poll.register(2, select.POLLOUT)
     try:
         if not poll.poll(1000 * SAID_WITHIN_S):
             return
-        os.write(2, f"yahboomd: {pasteable(readable(words))}\n".encode())
+        os.write(2, f"yahboomd: {words}\n".encode())
     except OSError:
         return
