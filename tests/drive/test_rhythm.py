@@ -57,6 +57,8 @@ def test_two_programs_on_one_key_are_named_by_their_values(
 def test_programs_that_name_themselves_are_named() -> None:
     (found,) = publish(rhythm(), (101 * MS, FORWARD, "nav"), (50 * MS, STANDSTILL, "joy"))
     assert found.text.startswith("Two programs command cmd_vel: 0.30 m/s (nav) and 0 (joy). ")
+    slow = publish(rhythm(), (S, FORWARD, "nav"), (700 * MS, STANDSTILL, "joy"))
+    assert "two_programs" in kinds(slow)
     again = rhythm()
     assert publish(again, (101 * MS, FORWARD, "nav"), (50 * MS, STANDSTILL, "nav")) == []
 
@@ -70,6 +72,14 @@ def test_one_program_is_never_taken_for_two() -> None:
         swings = Twist2d(vx=0.3, wz=0.1 * (-1) ** n)
         one.note(at_ns, tapped if n < 130 else swings if n < 260 else Twist2d(vx=n / 1000), "", 1)
         assert "two_programs" not in kinds(one.causes(at_ns, "", refusing=False)), n
+
+
+def test_one_program_that_takes_over_from_another_is_no_pair() -> None:
+    of = rhythm()
+    for n in range(60):
+        name = "nav" if n % 30 < 15 else "joy"
+        of.note(n * 100 * MS, FORWARD if name == "nav" else STANDSTILL, name, 1)
+        assert kinds(of.causes(n * 100 * MS, "", refusing=False)) == []
 
 
 def test_two_programs_of_which_one_ended_are_forgotten() -> None:

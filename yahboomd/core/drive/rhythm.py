@@ -2,8 +2,8 @@
 
 Commands that come too seldom or too often, and two programs that use one key. The transport names
 no sender, so two programs are recognised by their values: one jumps and comes back before a ramp
-could follow. A program that names itself in its commands is no second program. Nothing is refused
-here.
+could follow. Without names, 0.30 and 0 in turn at 1 Hz may as well be a tapped key. Programs that
+name themselves in their commands are two at any rate, and one name is one. Nothing is refused here.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ JUMP_M_S = 0.05
 ARM_M = 0.2
 """A turn counts as the speed at this distance from the centre."""
 RETURNS, WITHIN_NS = 8, 3 * NS_PER_S
-"""This number of returns within this time are two programs."""
+"""This number of returns within this time are two programs; half as many if both are named."""
 PAUSE_S = 1.5
 """After a longer silence the next command is a new one."""
 TOLD_NS = 5 * NS_PER_S
@@ -61,9 +61,10 @@ class Rhythm:
         jump_m_s = _apart(twist, before.twist)
         if jump_m_s >= JUMP_M_S:
             back = _apart(twist, self._other.twist) < jump_m_s / 2.0
-            one = self._alike > 1 or (sender != "" and sender == before.sender)
-            if back and not one and now_ns - self._other.at_ns <= BACK_WITHIN_NS:
-                self._returns.add(now_ns, "")
+            named = bool(sender and before.sender)
+            quick = self._alike == 1 and now_ns - self._other.at_ns <= BACK_WITHIN_NS
+            if back and (sender != before.sender if named else quick):
+                self._returns.add(now_ns, "", 1 + named)
             self._other, self._alike = before, 1
         elif now_ns - before.at_ns > COPY_NS:
             self._alike += 1
@@ -101,8 +102,7 @@ class Rhythm:
 
 
 def _apart(one: Twist2d, other: Twist2d) -> float:
-    turns = ARM_M * abs(one.wz - other.wz)
-    return max(abs(one.vx - other.vx), abs(one.vy - other.vy), turns)
+    return max(abs(one.vx - other.vx), abs(one.vy - other.vy), ARM_M * abs(one.wz - other.wz))
 
 
 def _value(given: _Given) -> str:
