@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import msgspec
 
+from yahboomd.core.drive.standing import why
 from yahboomd.core.messages.codecs import Reason
 from yahboomd.core.messages.native import (
     AngularZ,
@@ -27,9 +28,18 @@ from yahboomd.core.messages.native import (
     VelocityCommand,
     WheelsSample,
 )
+from yahboomd.core.model import Cause
 from yahboomd.ros2.messages import ros2_encoders
 
 STAMP_NS = 1_700_000_000_123_456_789
+REASONS = [
+    Cause(
+        "two_programs",
+        "Two programs command cmd_vel: 0.50 m/s (nav) and 0 (joy). End one of them, or give it "
+        "another source.",
+    ),
+    Cause("battery", "The battery is empty: 9.2 V at rest, less than board.battery_stop_v = 9.6."),
+]
 
 POSE = PoseSample(
     stamp_ns=STAMP_NS,
@@ -98,7 +108,8 @@ NATIVE: dict[str, msgspec.Struct] = {
             driver="cmd_vel",
             driver_since_ns=1_700_000_000_000_000_000,
             since_ns=STAMP_NS - 2_000_000_000,
-            why="cmd_vel drives.",
+            why=why(REASONS),
+            reasons=REASONS,
             wheels="turning",
             wheels_since_ns=STAMP_NS - 1_500_000_000,
             board={

@@ -16,6 +16,7 @@ MESSAGES = ("PoseSample", "StatusSample", "ServiceReply")
 OPTIONAL = {"board", "link", "command", "bus", "driver_since_ns", "data"} | {
     "wheels",
     "wheels_since_ns",
+    "reasons",
 }
 """Fields that a program need not print."""
 
