@@ -196,6 +196,12 @@ def test_five_links_stand_at_the_bottom_and_more_has_the_rest(
     words = """[...document.querySelectorAll('%s')].filter((each) => each.checkVisibility())
         .map((each) => each.innerText)"""
     assert page.evaluate(words % "nav a") == ["Drive", "Map", "Wheels", "Health", "More"]
+    sizes = (
+        "[...document.querySelectorAll('nav a:not(.rest)')].map((e) => e.getBoundingClientRect())"
+    )
+    assert page.evaluate(
+        f"{sizes}.every((e) => e.width * e.height === 0 || (e.width >= 44 && e.height >= 44))"
+    )
     show(page, "menu")
     rest = ["Calibrate", "Record", "Black boxes", "Phones"]
     assert page.evaluate(words % ".menu a") == rest

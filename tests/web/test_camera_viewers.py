@@ -293,12 +293,15 @@ async def test_a_page_that_reads_no_picture_delays_neither_others_nor_the_estop(
 
 
 @pytest.mark.realtime
-async def test_a_page_that_sends_much_is_closed(site: Start) -> None:
+@pytest.mark.parametrize(("sent", "code"), [("x" * 5000, 1009), (b"x", POLICY)])
+async def test_a_page_that_sends_much_or_no_text_is_closed_with_a_code(
+    site: Start, sent: str | bytes, code: int
+) -> None:
     async with CameraOnSocket() as camera:
         served = await site(endpoint=free_endpoint(), camera=camera.address)
         look = await Look(served).__aenter__()
-        await look.socket.send("x" * 5000)
-        await eventually(lambda: look.socket.close_code == 1009)
+        await look.socket.send(sent)
+        await eventually(lambda: look.socket.close_code == code)
 
 
 @pytest.mark.realtime
