@@ -67,9 +67,6 @@ class PolledClock:
         self._sole = True
         self._prompt = 0
 
-    def guess_ns(self, reading: EncoderReading) -> int:
-        return self._stamp(reading)
-
     def fresh(self, reading: EncoderReading) -> bool:  # noqa: ARG002
         """Always: an old answer is recognised because the next one disagrees."""
         return True
@@ -115,7 +112,7 @@ class PolledClock:
         if reading.requested_ns is not None:
             unsure_ns = self._unsure(sent_ns, reading.requested_ns, reading.earliest_ns)
         last_ns = self._stamp_ns
-        stamp_ns = sent_ns if unsure_ns else self._stamp(reading)
+        stamp_ns = sent_ns if unsure_ns else self.guess_ns(reading)
         if last_ns and stamp_ns < last_ns + least_ns:
             stamp_ns = min(sent_ns, last_ns + math.ceil(least_ns))
         if stamp_ns < last_ns + max(1.0, least_ns):
@@ -147,7 +144,7 @@ class PolledClock:
         unsure_ns = sent_ns - earliest_ns - shortest_ns
         return unsure_ns if unsure_ns > PROMPT_NS else 0
 
-    def _stamp(self, reading: EncoderReading) -> int:
+    def guess_ns(self, reading: EncoderReading) -> int:
         if reading.requested_ns is None or not self._turn_rounds:
             return reading.sent_ns
         return min(reading.sent_ns, reading.requested_ns + min(self._turn_rounds))

@@ -46,6 +46,10 @@ SKIPPED_TICKS = 3.5
 SOON = 0.3
 """Counts that change sooner than this after the last ones, in ticks, wait for the next line."""
 
+LATE, EVENLY = 13_000_000, 0.7
+"""Without a tick, a line that comes so much later than usual was held back, or lines were lost: the
+next one that follows at this share of the usual distance, or more, shows its time again."""
+
 
 class StreamedClock:
     """Stamps of a board that renews its totals every ``period_ns`` and sends them at another rate.
@@ -64,7 +68,7 @@ class StreamedClock:
     __slots__ = (
         "renewal _each_line _age _lines _envelope _arrivals _meter _base_ns _stamp_ns _time "
         "_tick _pace _run_start _quiet _left_out _late_since _late_least _late_count _adrift "
-        "_broke _left _arrived"
+        "_broke _held _heard _left _arrived"
     ).split()
 
     def __init__(
@@ -92,6 +96,7 @@ class StreamedClock:
         # Time before a silence, if the reading after it came in a burst and its time is unknown.
         self._adrift: float | None = None
         self._broke = False  # lines were missing, and their delay is not known yet
+        self._held, self._heard = False, 0  # a line that came late, and when the last one came
         self._left = 0.0  # when the line left that `fresh` took in, before it is stamped
         self._arrived = False
 
@@ -285,9 +290,11 @@ class StreamedClock:
         If each line brings new totals they were sampled for it; else at any time since the last.
         """
         gap = self._arrivals.gap
+        apart, self._heard = sent_ns - self._heard, sent_ns
+        self._held = apart > gap + LATE or (self._held and apart < EVENLY * gap)
         room = left - self._time
         wait = max(least_ns, gap * SOON) if ticks else self._still_ns(self.renewal.period)
-        if room < wait or not self._room(sent_ns, least_ns):
+        if (self._held and not self._each_line) or room < wait or not self._room(sent_ns, least_ns):
             return Instant(self._stamp_ns, 0)
         self._time = left
         lines, moment, step = self._lines, left - self._behind(gap), room

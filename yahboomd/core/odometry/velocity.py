@@ -138,8 +138,6 @@ class VelocityEstimator:
         """Standard deviation of the length of a window that ends now."""
         part_ns = span_ns % self.tick_ns if self.tick_ns else 0
         began_ns, began_rough_ns = self._began
-        if not (part_ns or self.doubt or began_rough_ns):
-            return self.rough_ns
         # A tick more with the probability of its part, else a tick less: p (1 - p) ticks squared.
         variance = part_ns * (self.tick_ns - part_ns) + self.rough_ns**2
         if self._time_ns - span_ns == began_ns:
