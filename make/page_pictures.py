@@ -8,6 +8,7 @@ make pictures ARGS='build/pictures --text 200 --width 360 --only drives --only v
 from __future__ import annotations
 
 import argparse
+import re
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -460,6 +461,10 @@ def take_all(
             robots.plain.recover()
 
 
+BUSY = "too slow|Waiting|Stopping|touch again|Nothing c|refused lately"
+"""What the page says on a busy machine; no picture of the manual shows it."""
+
+
 def take(
     robots: Robots, folder: Path, name: str, size: tuple[int, int], scheme: str
 ) -> Image.Image:
@@ -467,9 +472,16 @@ def take(
     with contextmanager(STATES[name])(robots) as (page, again):
         page.resize(*size, phone=size not in {LAPTOP, DESKTOP})
         page.prefer(scheme)
-        again()
-        time.sleep(SETTLE_S)
-        page.picture(folder / "taken.png")
+
+        def taken() -> bool:
+            again()
+            time.sleep(SETTLE_S)
+            page.picture(folder / "taken.png")
+            return not re.search(BUSY, page.text("body")) and (
+                not name.startswith("drives") or page.says_driving()
+            )
+
+        until(taken)
     return Image.open(folder / "taken.png").convert("RGB").resize(size, Image.Resampling.LANCZOS)
 
 
