@@ -254,6 +254,16 @@ async def test_a_guard_without_a_free_descriptor_does_not_watch_and_another_one_
     again.close()
 
 
+async def test_a_guard_drives_the_relay_of_its_port(
+    port: Ends, guard: PortGuard, capfd: pytest.CaptureFixture[str]
+) -> None:
+    guard.share(Raw(port.fd), port.note._replace(relay="/dev/null:17"))
+    said = ""
+    while "/dev/null:17, the line of the relay" not in said:
+        assert await guard.watches(DIALECT, SystemClock())
+        said += capfd.readouterr().err
+
+
 async def test_where_no_guard_has_the_port_that_is_said(
     port: Ends, caplog: pytest.LogCaptureFixture
 ) -> None:

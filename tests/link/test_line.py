@@ -11,6 +11,7 @@ from board_bench import BoardPort, LinkBench
 from yahboomd.core.errors import BoardSilent, PortLost
 from yahboomd.core.link.conversation import Conversation
 from yahboomd.core.link.line import KEPT_BYTES, Line
+from yahboomd.core.link.port_guard import PortGuard
 from yahboomd.core.link.start_notices import Notice
 from yahboomd.core.model import Counts, EncoderReading
 from yahboomd.core.protocol.dialect import Decoded, Unrecognised
@@ -70,6 +71,21 @@ async def test_before_the_dialect_is_known_what_comes_is_kept_and_read_when_it_i
         assert desk.line.counters["board_resets"] == 0
         desk.take(COUNTS)
         assert desk.line.streaming
+
+
+@on_virtual_time
+async def test_counts_alone_tell_the_guard_that_the_board_is_heard(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    desk, guard, heard_ns = Desk(), PortGuard(), []
+    monkeypatch.setattr(guard, "heard", heard_ns.append)
+    async with desk.line.attended():
+        await desk.line.share(guard, DIALECTS["streamed"])
+        desk.line.understand(DIALECTS["streamed"], spacing_ns=0)
+        desk.take(b"Motor_Version:1.7.3\r\n")
+        assert heard_ns == []
+        desk.take(COUNTS)
+        assert len(heard_ns) == 1
 
 
 @pytest.mark.parametrize("dialect", ["streamed", "polled"])
