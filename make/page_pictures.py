@@ -476,9 +476,10 @@ def take(
         def taken() -> bool:
             again()
             time.sleep(SETTLE_S)
+            words = page.text("body")
             page.picture(folder / "taken.png")
-            return not re.search(BUSY, page.text("body")) and (
-                not name.startswith("drives") or page.says_driving()
+            return not re.search(BUSY, words) and (
+                not name.startswith("drives") or "Driving." in words
             )
 
         until(taken)
