@@ -446,7 +446,7 @@ def test_the_keyboard_alone_reaches_and_reads_everything(bench: PageBench, page:
         page.type("Tab")
         focus = page.evaluate(
             "(() => { const e = document.activeElement; const b = e.getBoundingClientRect();"
-            " return [e.id || e.className || e.dataset.view || e.textContent,"
+            " return [e.id || e.classList[0] || e.dataset.view || e.textContent,"
             " getComputedStyle(e).outlineStyle, b.width * b.height]; })()"
         )
         if page.evaluate("document.activeElement !== document.body"):
