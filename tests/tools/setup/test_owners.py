@@ -1,4 +1,4 @@
-"""Robots with figures as owners have them are set up by a simulated person."""
+"""Robots with figures as owners have them are set up, calibrated and tuned."""
 
 from __future__ import annotations
 
@@ -6,15 +6,20 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from bench_client import calibrated
 from board_bench import LinkBench
+from robot_bench import RobotBench
 from simulated_person import SimulatedPerson, connected, set_up, true_wiring
+from tuning_bench import TuningBench
 
 from yahboomd.core.config import read
 from yahboomd.simulation.robot import SimulatedRobot
 from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.tools.calibrate.choices import TapeRuns
 from yahboomd.tools.robot.simulated_robot import as_configured
 from yahboomd.tools.setup.description import Given
 from yahboomd.tools.setup.robot_file import as_toml, write_robot
+from yahboomd.tools.tune.tuning_result import no_worse
 
 
 class Owner(msgspec.Struct, frozen=True):
@@ -42,17 +47,8 @@ OWNERS = {
 }
 
 
-# The belt's pulses end after a hundredth of a turn.
-@pytest.mark.parametrize(
-    "name",
-    [
-        name if name.startswith(("belt", "585")) else pytest.param(name, marks=NIGHTLY)
-        for name in OWNERS
-    ],
-)
-@on_virtual_time
-async def test_a_robot_of_an_owner_is_set_up(name: str, tmp_path: Path) -> None:
-    owner, path = OWNERS[name], tmp_path / "robot.toml"
+async def set_up_as_given(owner: Owner, path: Path) -> LinkBench:
+    """The robot, a little larger than its figures, and its written configuration."""
     board = {
         "lines": owner.lines,
         "ratio": owner.ratio,
@@ -95,3 +91,43 @@ async def test_a_robot_of_an_owner_is_set_up(name: str, tmp_path: Path) -> None:
     assert read(path, environ={}).config.ticks_per_revolution() == pytest.approx(
         built.ticks_per_revolution()
     )
+    return link
+
+
+# The belt's pulses end after a hundredth of a turn.
+@pytest.mark.parametrize(
+    "name",
+    [
+        name if name.startswith(("belt", "585")) else pytest.param(name, marks=NIGHTLY)
+        for name in OWNERS
+    ],
+)
+@on_virtual_time
+async def test_a_robot_of_an_owner_is_set_up(name: str, tmp_path: Path) -> None:
+    await set_up_as_given(OWNERS[name], tmp_path / "robot.toml")
+
+
+@NIGHTLY
+@pytest.mark.parametrize("name", OWNERS)
+@on_virtual_time
+async def test_a_robot_of_an_owner_is_calibrated_and_tuned(name: str, tmp_path: Path) -> None:
+    owner, path = OWNERS[name], tmp_path / "robot.toml"
+    link = await set_up_as_given(owner, path)
+    speed_m_s = min(0.3, 0.5 * owner.max_speed_m_s)
+    turn_rad_s = min(2.0, speed_m_s / (owner.wheel_separation_mm / 2000.0))
+    runs = TapeRuns(straight_m=2.0, speed_m_s=speed_m_s, turns=1, turn_speed_rad_s=turn_rad_s)
+    async with RobotBench(tmp_path, file=path, robot=link.robot) as bench:
+        await bench.ready()
+        chassis = (await calibrated(bench, runs, tmp_path)).facts["chassis"]
+        assert [event.message for event in bench.heard.events if event.severity == "error"] == []
+    radii = [*chassis["wheel_radius_multiplier"].values()]
+    assert radii == pytest.approx([1.01] * len(radii), abs=0.003)
+    assert chassis["wheel_separation_multiplier"] == pytest.approx(1.03, abs=0.01)
+
+    tuning = TuningBench()
+    tuning.link, tuning.config = link, read(path, environ={}).config
+    before = await tuning.true_step()
+    result = await tuning.tune()
+    after = await tuning.true_step()
+    print(f"| {name} | {radii[0]:.4f} | {before} | {after} | {result.writes} |")
+    assert no_worse([after], [before])
