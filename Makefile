@@ -46,7 +46,7 @@ run: $(VENV)/.run ## start daemon, page and moves: on a simulated board, or on a
 	@exec $(PY) make/make_run.py $(if $(PORT),--port $(PORT)) $(ARGS)
 
 ##@ Check a change
-.PHONY: quick test test-all fixed lint types imports schemas schemas-check
+.PHONY: quick test test-all lowest fixed lint types imports schemas schemas-check
 quick: $(VENV)/.dev ## a minute: lint, types, imports, and the tests that start no process and drive no robot
 	@$(MAKE) --no-print-directory -j lint types imports
 	$(PYTEST) -q $(PARALLEL) --hypothesis-profile=few -m "not realtime and not nightly" $(WHOLE_ROBOTS:%=--ignore=tests/%) $(REST) $(ARGS)
@@ -57,6 +57,11 @@ test: fixed ## five minutes: every claim of the daemon once, with one real proce
 test-all: fixed ## hours: also every case of each fault, the other languages, ROS 2, the browser, the firmwares, the installed service
 	$(PYTEST) $(PARALLEL) --hypothesis-profile=many $(REST)
 	@$(MAKE) --no-print-directory fleet interop clients generators browser firmware site system-test fleet-rollout
+
+lowest: $(VENV)/.dev ## `make test` with the lowest versions that pyproject.toml allows, in build/lowest
+	@mkdir -p build && $(PY) make/lowest.py > build/lowest.txt
+	@PIP_CONSTRAINT=build/lowest.txt $(PYTHON) make/bootstrap.py build/lowest dev $(EXTRAS)
+	$(subst $(PY),build/lowest/bin/python,$(PYTEST)) $(PARALLEL) -m "not nightly" $(REST) $(ARGS)
 
 fixed: $(VENV)/.dev
 	@$(MAKE) --no-print-directory -j lint types imports schemas-check tests/__pycache__
