@@ -9,7 +9,7 @@ import pytest
 from robot_bench import RobotBench
 
 from yahboomd.core.drive.standing import why
-from yahboomd.core.link.port_guard import stops_of
+from yahboomd.core.link.port_guard import UNGUARDED, stops_of
 from yahboomd.core.link.promise import Promise, memory
 from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.simulation.options import SimulationOptions
@@ -151,3 +151,20 @@ async def test_three_resets_in_ten_seconds_are_a_fault_that_latches(tmp_path: Pa
         state, reasons = bench.controller.state()
         assert state == "fault"
         assert "reset itself 3 times" in why(reasons)
+
+
+@on_virtual_time
+async def test_without_a_guard_no_wheel_is_driven_and_that_is_said(tmp_path: Path) -> None:
+    async with RobotBench(tmp_path) as bench:
+        await bench.ready()
+        guard = bench.guard
+        guard._start = lambda _: (_ for _ in ()).throw(OSError())
+        await bench.drive(1.0, 0.4)
+        assert max(map(abs, bench.rim_speeds)) == 0.0
+        state, reasons = bench.controller.state()
+        assert state == "fault"
+        assert why(reasons).startswith(UNGUARDED)
+        assert bench.heard.kinds.count("unguarded") == 1
+        guard._holds = True
+        await bench.drive(1.0, 0.4)
+        assert min(bench.rim_speeds) > 0.3

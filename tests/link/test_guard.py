@@ -24,7 +24,7 @@ from yahboomd.core.clock import SystemClock
 from yahboomd.core.link import guard_words, port_note
 from yahboomd.core.link.port import PortOptions, open_port
 from yahboomd.core.link.port_errors import holders
-from yahboomd.core.link.port_guard import ENDS_WITHIN_S, UNSURE, PortGuard
+from yahboomd.core.link.port_guard import ENDS_WITHIN_S, SEEN_MS, PortGuard
 from yahboomd.core.link.port_identity import identify
 from yahboomd.core.link.port_note import PortNote
 from yahboomd.core.model import NS_PER_S
@@ -210,6 +210,20 @@ def test_a_process_that_hangs_in_motion_is_stopped_and_at_last_its_motors_are_le
     watched.kill()
 
 
+def test_a_board_that_answered_is_stopped_if_its_tool_is_killed_before_it_turned_a_wheel(
+    port: Ends,
+) -> None:
+    watched = Watched(port, "-?")
+    watched.kill()
+    stops(port.far)
+    os.kill(watched.guard, signal.SIGKILL)
+
+
+def test_a_port_where_no_board_answered_yet_is_let_alone(port: Ends) -> None:
+    Watched(port, "-").kill()
+    assert written(port.far) == b""
+
+
 def test_a_process_that_dies_between_pulses_is_let_alone(port: Ends) -> None:
     Watched(port, "?+-").kill()
     assert written(port.far) == b""
@@ -264,8 +278,8 @@ async def test_a_guard_drives_the_relay_of_its_port(
         said += capfd.readouterr().err
 
 
-async def test_where_no_guard_has_the_port_that_is_said(
-    port: Ends, caplog: pytest.LogCaptureFixture
+async def test_a_guard_that_did_not_get_the_port_is_known(
+    port: Ends,
 ) -> None:
     ends: list[socket.socket] = []
 
@@ -279,7 +293,7 @@ async def test_where_no_guard_has_the_port_that_is_said(
     guard.begin()
     guard.share(Raw(port.fd), port.note)
     assert not await guard.watches(DIALECT, SystemClock())
-    assert caplog.messages[-1] == UNSURE
+    assert guard.watching is False
     guard.dismiss()
     for end in ends:
         end.close()
@@ -336,6 +350,29 @@ async def test_a_port_that_was_closed_is_free_whatever_its_guard_does(
     # A starved guard may answer too late, too, and is replaced.
     assert pid_of(guard) != first or not frozen
     assert holders(options.path) == ()
+
+
+async def test_a_guard_that_freezes_is_replaced_while_its_owner_promises(
+    port: Ends, guard: PortGuard
+) -> None:
+    clock = SystemClock()
+    guard.share(Raw(port.fd), port.note)
+    assert await guard.watches(DIALECT, clock)
+    first = pid_of(guard)
+    assert first is not None
+    os.kill(first, signal.SIGSTOP)
+    watching = []
+    for step in range(1, 6):
+        # By control steps; how long they take makes no difference.
+        guard.promise((step * SEEN_MS + 1) * 1_000_000)
+        watching.append(guard.watching)
+    assert (watching, pid_of(guard) == first) == ([True, True, True, True, False], False)
+    while not guard.watching:
+        await asyncio.sleep(0.01)
+        guard.promise(clock.now_ns() + NS_PER_S)
+    guard.standing()
+    guard.close_port()
+    os.close(port.fd)
 
 
 async def test_a_guard_beside_its_owner_is_not_named_as_a_holder(

@@ -134,8 +134,8 @@ def _serve(args: argparse.Namespace, guard: PortGuard | None) -> int:
         flush()
 
 
-def _start_guard() -> PortGuard | None:
-    """Start the guard; returns None after a warning if it does not start."""
+def _start_guard() -> PortGuard:
+    """Start the guard; if it does not start no wheel is turned."""
     from yahboomd.core.config import runtime_folder
     from yahboomd.core.link.port_guard import PortGuard
 
@@ -144,11 +144,7 @@ def _start_guard() -> PortGuard | None:
     try:
         guard.begin()
     except OSError as error:
-        say(
-            f"The guard does not start ({error.strerror}): if this process is killed or freezes, "
-            "only `yahboomd stop` stops the wheels."
-        )
-        return None
+        say(f"The guard does not start ({error.strerror}): no wheel is turned.")
     return guard
 
 

@@ -67,6 +67,7 @@ EventKind: TypeAlias = Literal[
     "stop_not_obeyed",
     "stop_not_seen",
     "turns_without_command",
+    "unguarded",
     "wheels_slip",
 ]
 """Every kind of event; :mod:`yahboomd.tools.schemas.event_kinds` has the meanings."""

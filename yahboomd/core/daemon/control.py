@@ -34,6 +34,7 @@ from yahboomd.core.drive.holds import (
     FAULT,
     LINE_NOISY,
     NOT_STARTED,
+    UNGUARDED,
     WAITING_FOR_BOARD,
     Hold,
     Holds,
@@ -43,6 +44,7 @@ from yahboomd.core.drive.limiter import Limiter
 from yahboomd.core.errors import YahboomdError
 from yahboomd.core.link.connected_board import ConnectedBoard
 from yahboomd.core.link.handshake import Identity
+from yahboomd.core.link.port_guard import UNGUARDED as NO_GUARD
 from yahboomd.core.link.port_guard import PortGuard
 from yahboomd.core.model import Cause, Counts, EncoderReading, Event, ImuReading, Matrix3, Pose2d
 from yahboomd.core.odometry.odometer import Odometer
@@ -100,6 +102,7 @@ class Controller:
         self._odometer = odometer
         self._latch = latch
         self._outputs = outputs
+        self._guard = guard = guard or PortGuard()
         self.counters: Counter[str] = Counter()
         self._wheels = Wheels(
             options.kinematics,
@@ -130,7 +133,7 @@ class Controller:
             wheels=self._wheels,
             limiter=self._limiter,
             events=self._events,
-            guard=guard or PortGuard(),
+            guard=self._guard,
         )
         self._decision = Decision()
         self._stepped_ns = clock.now_ns()
@@ -233,6 +236,13 @@ class Controller:
             silence = f"No counts have come for {self._blind_s:g} s"
             self._wait(f"{silence}, and wheels are not driven unseen.")
             self.counters["blind"] += 1
+            self._outputs.changed()
+        if self._guard.watching or not self._wheels.attached:
+            if self._holds.drop(UNGUARDED):
+                self._outputs.changed()
+        elif not self._holds.has(UNGUARDED):
+            self._holds.add(Hold(kind=UNGUARDED, message=NO_GUARD, since_ns=now_ns))
+            self.event(Event(kind="unguarded", severity="error", message=NO_GUARD))
             self._outputs.changed()
 
     def promised_ns(self) -> int:

@@ -39,11 +39,15 @@ from yahboomd.core.link.port import Opener
 from yahboomd.core.link.port_guard import NO_SOCKET, PortGuard
 from yahboomd.core.link.takeover import take_over
 from yahboomd.core.messages.codecs import encoding_name
-from yahboomd.core.model import Event, ImuEstimate, OdometryEstimate
+from yahboomd.core.model import NS_PER_S, Event, ImuEstimate, OdometryEstimate
 
 log = logging.getLogger(__name__)
 
 STATUS_EVERY_S = 0.5
+
+STARTS_NS = 20 * NS_PER_S
+"""The guard stops wheels that a crash left turning if the start hangs for longer. One attempt to
+open the bus, and the wait after it, take less."""
 
 LOCAL_FACTS = "The status at the local socket"
 
@@ -117,7 +121,8 @@ class Daemon:
                 await self._serve(bus, notifier)
         finally:
             notifier.stopping()
-            self._guard.ending()
+            # Wheels that were not seen to stand are the guard's from now on.
+            self._guard.end()
             self.left_clean = await bus.close()
             notifier.close()
             self._signals.remove()
@@ -128,6 +133,7 @@ class Daemon:
         except BusError:
             if not self._took_over:
                 self._took_over = await self._take_over()
+            self._guard.renew(self._clock.now_ns() + STARTS_NS)
             raise
 
     async def _take_over(self) -> bool:
@@ -137,7 +143,9 @@ class Daemon:
             Whether a stop was sent: a port that is not there yet is tried again.
         """
         try:
-            report = await take_over(await self._opener(), self._clock)
+            port = await self._opener()
+            self._guard.renew(self._clock.now_ns() + STARTS_NS)
+            report = await take_over(port, self._clock)
         except YahboomdError as error:
             log.debug("The wheels cannot be stopped before the bus is open: %s", error)
             return False
@@ -249,14 +257,21 @@ class Daemon:
             fault = group
             raise
         finally:
+            self._leave_wheels(supervisor.left_standing)
             # Even if it was switched off: a ring left on disk looks like a killed daemon's.
             recorders.call("The end of the black box", box.close, fault)
             local.close()
             controller.close()
             latch.settle()
-            self.left_standing = supervisor.left_standing
             if self.left_standing:
                 self._end_note()
+
+    def _leave_wheels(self, standing: bool) -> None:
+        """End the guard, which first sees to wheels that were not seen to stand."""
+        self.left_standing = standing
+        if standing:
+            self._guard.standing()
+        self._guard.end()
 
     def _end_note(self) -> None:
         self._guard.standing()

@@ -13,7 +13,7 @@ import msgspec
 
 from yahboomd.core.drive.arbitration import Decision
 from yahboomd.core.drive.estop import Latched
-from yahboomd.core.drive.holds import BOARD_UNFIT, FAULT, WAITING_FOR_BOARD, Hold
+from yahboomd.core.drive.holds import BOARD_UNFIT, FAULT, UNGUARDED, WAITING_FOR_BOARD, Hold
 from yahboomd.core.drive.limiter import AxisCaps
 from yahboomd.core.model import Cause
 from yahboomd.core.names import source_words
@@ -106,7 +106,7 @@ def state_of(now: Situation) -> State:
         return "stopping"
     if now.latched is not None:
         return "estopped"
-    if FAULT in kinds or BOARD_UNFIT in kinds:
+    if kinds & {FAULT, BOARD_UNFIT, UNGUARDED}:
         return "fault"
     if WAITING_FOR_BOARD in kinds:
         return "waiting"

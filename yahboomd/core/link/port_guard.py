@@ -45,21 +45,21 @@ ENDS_WITHIN_S = 2.0
 LOOK_S = 0.005
 
 UNGUARDED = (
-    "The guard has ended: if this process is killed or freezes, only `yahboomd stop` stops the "
-    "wheels. End yahboomd and start it again to be guarded."
-)
-
-UNSURE = (
-    "No guard has confirmed the port: if this process is killed or freezes, wheels may turn on."
+    "No guard has the port, so nothing would stop the wheels if yahboomd were killed or froze: no "
+    "wheel is turned. Free memory, processes and file descriptors if they are used up, and start "
+    "yahboomd again; `--no-guard` drives without."
 )
 
 FAR_MS = 10**15
-"""A promise without an end: this process is starting, or ending."""
+"""A promise without an end: a port was opened just now, or a tool waits for a person."""
 
 NS_PER_MS = 1_000_000
 
 SEEN_MS = 500
 """The period at which a guard is seen to be there."""
+
+MOST_UNHEARD = 3
+"""A guard that did not read its message for so many of these periods is replaced."""
 
 LISTENS_WITHIN_S = 2.0
 """A disk may hang."""
@@ -111,7 +111,9 @@ class PortGuard:
         self._note: PortNote | None = None
         self._resync = self._stop = b""
         self._closed_after = 0
-        self._answered = self._ended = False
+        self._answered = self._ended = self._holds = False
+        self._device = b""
+        self._told = self._due = self._unheard = 0
         self._answers: deque[bytes] = deque()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._listening: words.Listening | None = None
@@ -133,13 +135,19 @@ class PortGuard:
         self._process, self._channel = self._start(self._memory)
         self._channel.setblocking(False)
         self._answers.clear()
-        self._ended = False
+        self._ended = self._holds = False
+        self._promise.read = self._told = self._due = self._unheard = 0
         self._watch()
 
     @property
     def gone(self) -> bool:
         """Whether there is no guard any more."""
         return self._start is not None and self._channel is None
+
+    @property
+    def watching(self) -> bool:
+        """Whether it holds the open port. Until then no wheel must be commanded."""
+        return self._start is None or self._holds
 
     # The port.
 
@@ -155,33 +163,35 @@ class PortGuard:
         with contextlib.suppress(OSError):
             # A port that went away is closed before it is known: its number may be another's.
             self._fd = os.dup(port.fileno())
+            self._device = b"%d" % os.fstat(self._fd).st_rdev
+        self._holds = False
         self._promise.until_ms = self._promise.until_ms or FAR_MS
         self._tell_port()
 
     async def watches(self, dialect: Dialect, clock: Clock) -> bool:
-        """Whether the guard has the port of this board. Until then no wheel must be commanded."""
+        """Whether the guard has the port of this board, whose wheels may turn."""
         self._resync = dialect.resync
-        if self._channel is None or self._fd is None:
+        if self._channel is None or self._fd is None or self._promise is None:
             return False
+        self._promise.until_ms = self._promise.until_ms or FAR_MS
         self._stop = b" ".join(each.hex().encode() for each in stops_of(dialect))
         self._tell(words.STOP, self._stop)
-        expected = b"%d" % os.fstat(self._fd).st_rdev
         for _ in range(2):
             until_ns = clock.now_ns() + nanoseconds(ANSWERS_WITHIN_S)
-            while (answer := self._answer()) is None and clock.now_ns() < until_ns:
+            while (
+                (answer := self._answer()) is None and not self._holds and clock.now_ns() < until_ns
+            ):
                 await sleep_until(clock, clock.now_ns() + nanoseconds(LOOK_S))
-            self._answered = self._answered or bool(answer)
-            if answer == expected:
+            if self._holds:
                 return True
             # It may have no free descriptor, and not know that it lost the port.
+            self._answered = self._answered or bool(answer)
             self._replace()
-        if self._renewed and not self.gone:
-            log.warning("%s", UNSURE)
         return False
 
     def close_port(self) -> None:
         """Wait until the guard has closed the port: then this process may close or open it."""
-        fd, self._fd, self._port = self._fd, None, None
+        fd, self._fd, self._port, self._holds = self._fd, None, None, False
         if self._promise is None or (fd is None and self._promise.stop == self._closed_after):
             # Since it closed the port last, there was no stop for which it opened it.
             return
@@ -217,21 +227,30 @@ class PortGuard:
         if promise is None:
             return
         before, promise.until_ms = promise.until_ms, until_ms
+        if promise.asked != promise.obeyed or not self._holds:
+            self._read()
         if promise.asked != promise.obeyed:
             # Its message may have found no room.
-            self._read()
-            if promise.asked != promise.obeyed:
-                self._on_stop(promise.asked, "the local socket")
+            self._on_stop(promise.asked, "the local socket")
         self._acknowledge(promise)
         if before == 0 or until_ms < before or until_ms // SEEN_MS != before // SEEN_MS:
-            # The guard sleeps until the promise that it knows lapses; and one that was killed is
-            # noticed by a message to it.
-            self._tell(words.PROMISE)
+            # The guard sleeps until the promise that it knows lapses; and one that was killed, or
+            # is frozen, is noticed by a message to it.
+            self._look_for_it(promise)
 
-    def ending(self) -> None:
-        """This process is ending: no promise lapses any more."""
+    def _look_for_it(self, promise: Promise) -> None:
+        heard = promise.read >= self._due or not self._holds
+        self._unheard = 0 if heard else self._unheard + 1
+        if self._unheard >= MOST_UNHEARD:
+            self._replace()
+        self._due = self._told
+        self._told += 1
+        self._tell(words.PROMISE, b"%d" % self._told)
+
+    def renew(self, until_ns: int) -> None:
+        """The same while this process starts; nothing if no wheels may turn."""
         if self._promise is not None and self._promise.until_ms:
-            self._promise.until_ms = FAR_MS
+            self.promise(until_ns)
 
     def standing(self) -> None:
         """The wheels were seen to stand, and none is driven before the next promise."""
@@ -427,6 +446,8 @@ class PortGuard:
                 self._note_socket(os.fsdecode(value))
             else:
                 self._answers.append(packet)
+                if packet == self._device:
+                    self._holds = self._answered = True
         if asked:
             # One for all that came: each costs a control step, and a flood must not cost promises.
             number, _, by = asked.partition(b" ")
@@ -455,6 +476,7 @@ class PortGuard:
 
     def _replace(self) -> None:
         self.dismiss()
+        self._holds = False
         if not self._renewed:
             return
         # One that never answered would not do so the next time.
@@ -464,5 +486,3 @@ class PortGuard:
                 self.begin()
                 log.warning("The guard has ended, or does not answer: another one was started.")
                 self._tell_all()
-        if self.gone:
-            log.warning("%s", UNGUARDED)

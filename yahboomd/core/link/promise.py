@@ -38,10 +38,12 @@ class Promise:
         refused: Connections for stops that were refused.
         dropped: Those that ended without a request.
         heard_ms: When the board's newest counts came.
+        read: The number of the newest message about the promise that the guard has read.
     """
 
     until_ms, stop, acknowledged, let_go = map(_Word, range(4))
     asked, obeyed, refused, dropped, heard_ms = map(_Word, range(4, 9))
+    read = _Word(9)
 
     def __init__(self, fd: int) -> None:
         self.words = memoryview(mmap.mmap(fd, SIZE)).cast("q")

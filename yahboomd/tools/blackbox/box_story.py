@@ -196,8 +196,9 @@ _ORDERED = ("commands zero and keeps control", "ended with a zero command", ORDE
 """Words in the reasons of stops that a command, or the end of the daemon, asked for."""
 
 _CAUSES: tuple[EventKind, ...] = (
-    *("board_reset", "reset_loop", "board_unfit", "disconnected", "paused", "line_noisy"),
-    *("runaway_against", "runaway_fast", "turns_without_command", "no_counts", "stop_not_obeyed"),
+    *("board_reset", "reset_loop", "board_unfit", "unguarded", "disconnected"),
+    *("paused", "line_noisy", "runaway_against", "runaway_fast", "turns_without_command"),
+    *("no_counts", "stop_not_obeyed"),
 )
 """Events that explain a stop which shows otherwise only as a symptom, such as missing counts."""
 

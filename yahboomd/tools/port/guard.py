@@ -212,6 +212,8 @@ class Guard:
             self._disk.do("listen", made, self._listen)
             # Again and again: a guard that missed it would stop this owner's wheels.
             self._tell_held()
+        elif name == words.PROMISE:
+            self._promise.read = int(value)
         elif name == words.FACTS:
             self._stops.facts = value
         elif name in {words.ANSWERED, words.SEEN}:

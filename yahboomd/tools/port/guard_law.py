@@ -231,8 +231,10 @@ def step(state: State, event: Event, now: int, limits: Limits) -> Step:
 
 def _awaiting(state: State) -> State:
     """When to act next while the owner lives."""
-    if not state.acknowledged or state.owner == "ended":
+    if state.owner == "ended":
         return state
+    if not state.acknowledged and (state.turning or state.holds):
+        return state if state.due is not None else state._replace(due=state.since)
     promised = state.until if state.turning else None
     asked = None if state.stopped else state.asked
     return state._replace(due=min((t for t in (promised, asked) if t is not None), default=None))
@@ -261,12 +263,13 @@ def _acted(state: State, now: int, limits: Limits) -> Step:
             again = again._replace(lent=None)
         # The stop goes before the disk.
         return again, (*acts, *_latch(state))
+    if not (state.turning or state.holds):
+        # A request, beside an owner that closed its port.
+        return (state._replace(due=None), ()) if state.stopped else (again, ("open",))
     if state.acknowledged:
         asked = state.asked is not None and now >= state.asked
         if now - state.due > limits.late and not state.patient and not asked:
             return state._replace(patient=True, due=now + limits.patience), ()
-        if not (state.turning or state.holds):
-            return again, ("open",)
         again = again._replace(
             stop=(state.stop + 1) % limits.numbers, acknowledged=False, since=now, patient=False
         )

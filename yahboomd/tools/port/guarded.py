@@ -121,10 +121,10 @@ class GuardedPort:
     def close(self) -> None:
         """Leave the wheels to the guard if they were not seen to stand: it stops them, and ends."""
         report = self._line.report
-        if self.turning and (report is None or report.doubt is not None):
-            self._guard.end(ENDS_WITHIN_S)
-        else:
+        if report is not None and report.doubt is None:
             self._guard.standing()
+        else:
+            self._guard.end(ENDS_WITHIN_S)
 
 
 @contextlib.asynccontextmanager

@@ -51,7 +51,8 @@ def opener_of(port: str, config: Config, clock: Clock, guard: PortGuard | None =
                 before = others
             else:
                 opened.share(own, options)
-                # This process drives no wheel before it promises.
+                # Another program's device may be there: its wheels are this process's, and its
+                # guard's, once a board has answered.
                 own.standing()
                 return opened
             await asyncio.sleep(RETRY_S)

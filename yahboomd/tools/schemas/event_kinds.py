@@ -246,6 +246,11 @@ KINDS: dict[EventKind, KindInfo] = {
     "board_unfit": KindInfo(
         ("error",), "The board's settings do not fit the configuration: the robot does not drive."
     ),
+    "unguarded": KindInfo(
+        ("error",),
+        "The guard has ended, does not answer or did not start: the robot does not drive until one "
+        "has the port. `yahboomd run` starts another one.",
+    ),
     "board_reset": KindInfo(
         ("warning",), "The board reset itself, by its own report or by its counts."
     ),

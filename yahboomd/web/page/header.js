@@ -12,6 +12,7 @@ const LESSER = ["lost", "refused"]; // Said if nothing else holds the robot.
 const SHORT = {
   waiting_for_board: "The motor board is not connected. Details are in Health.",
   board_unfit: "The settings of the motor board do not fit this robot. Details are in Health.",
+  unguarded: "Nothing would stop the robot if its program froze. Details are in Health.",
   battery: "The battery is empty: it drives slowly.",
 };
 
