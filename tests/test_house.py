@@ -95,7 +95,7 @@ def test_each_folder_is_a_door() -> None:
 
 
 GUARDED = {
-    "core/link/connected_board.py": ("core/daemon/control.py", "guard=guard or PortGuard()"),
+    "core/link/connected_board.py": ("core/daemon/control.py", "guard = guard or PortGuard()"),
     "tools/port/pulses.py": ("tools/setup/setup_wizard.py", "guard.watch_over(", "Pulses("),
     "tools/tune/stand.py": ("tools/tune/stand.py", "guard.watch_over(", "stand = cls("),
 }
