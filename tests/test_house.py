@@ -33,13 +33,13 @@ def test_the_path_for_a_reader_is_there_and_can_be_read_in_a_day() -> None:
 
 MOST_CODE = {
     "blackbox": 1265,
-    "cli": 5026,
+    "cli": 5052,
     "client": 1908,
     "core": 17106,
     "moves": 2082,
     "ros2": 1313,
     "simulation": 3154,
-    "tools": 12134,
+    "tools": 12136,
     "web": 3363,
 }
 """The lines of code of each door. They only shrink: a commit that raises one gives the reason, and

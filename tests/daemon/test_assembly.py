@@ -132,6 +132,7 @@ async def test_how_the_port_was_opened_is_noted_for_the_stop_after_a_kill(tmp_pa
         settings.serial.port,
         *(57600, True, False, False, device, os.getpid()),
         listen=settings.zenoh.listen,
+        latch=str(settings.latch_path(environ, user_id=os.getuid())),
     )
 
 

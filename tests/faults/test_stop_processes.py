@@ -384,8 +384,8 @@ def neighbour(
     return other
 
 
-def test_after_sigkill_a_plain_stop_finds_the_port_that_only_the_daemon_was_given(
-    local_robot: RealRobot, neighbour: RealRobot
+def test_after_sigkill_a_plain_stop_finds_the_port_that_only_the_daemon_was_given_and_is_latched(
+    local_robot: RealRobot, neighbour: RealRobot, client: Callable[..., Client]
 ) -> None:
     with driver(local_robot.endpoint), driver(neighbour.endpoint, "bot1/cmd_vel"):
         driven(local_robot)
@@ -400,6 +400,10 @@ def test_after_sigkill_a_plain_stop_finds_the_port_that_only_the_daemon_was_give
         assert f"{local_robot.port} (streamed board): the wheels stand" in ran.output
         local_robot.settled_truth()
         driven(neighbour)
+        # A service starts it again by itself, and its client drives on.
+        assert "emergency stop engaged" in ran.output
+        local_robot.start_daemon()
+        client("client", local_robot.endpoint).in_state("estopped")
 
 
 @pytest.mark.nightly

@@ -12,6 +12,7 @@ import signal
 import socket
 import subprocess
 import sys
+import termios
 import tty
 from collections.abc import Iterator
 from pathlib import Path
@@ -162,6 +163,16 @@ def test_a_port_that_nobody_can_open_is_stopped_on_the_shared_descriptor(port: E
     watched.kill()
     assert select.select([port.far], [], [], 30.0)[0]
     assert os.read(port.far, 4096).strip().startswith(STOP)
+    os.kill(watched.guard, signal.SIGKILL)
+
+
+def test_a_port_whose_output_another_program_suspended_is_stopped(port: Ends) -> None:
+    watched = Watched(port, "?+")
+    other = os.open(port.note.path, os.O_RDWR | os.O_NOCTTY)
+    termios.tcflow(other, termios.TCOOFF)
+    watched.kill()
+    stops(port.far)
+    os.close(other)
     os.kill(watched.guard, signal.SIGKILL)
 
 

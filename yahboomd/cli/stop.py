@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
+from threading import Thread
 from typing import TYPE_CHECKING
 
 from yahboomd.cli.shared_options import (
@@ -42,12 +43,15 @@ from yahboomd.tools.stop.stop_port import (
 
 if TYPE_CHECKING:
     from yahboomd.core.config import Config
+    from yahboomd.core.link.port_note import PortNote
     from yahboomd.core.link.takeover import TakeoverReport
     from yahboomd.tools.stop.stop_client import BusStop
     from yahboomd.tools.stop.stop_local import LocalStops, StopOutcome
 
 NOT_STANDING = 1
 """The exit status if the wheels were not seen to stand."""
+
+LATCHED_WITHIN_S = 2.0
 
 SERIAL = "YAHBOOMD_SERIAL_"
 NAMING = (SERIAL, "YAHBOOMD_ZENOH_")
@@ -225,7 +229,14 @@ def _everywhere(args: argparse.Namespace) -> bool:
     if first:
         # Before anything is imported or asked, because a free port is the fastest way.
         seized, trouble = _try_port(args, None)
-    from yahboomd.tools.stop.stop_local import LocalStops, covered, drives, unproved, vouched_for
+    from yahboomd.tools.stop.stop_local import (
+        LocalStops,
+        covered,
+        drives,
+        notes,
+        unproved,
+        vouched_for,
+    )
 
     local = LocalStops()
     config = _stop_locally(args, local)
@@ -233,11 +244,18 @@ def _everywhere(args: argparse.Namespace) -> bool:
         config = config or _configuration(args)
         seized, trouble = _try_port(args, config)
     config = config or _configuration(args)
-    of_the_dead = _seize_noted(local)
+    dead = notes(os.environ, local.wanted, local.answering)
+    of_the_dead = _seize_noted(dead)
+    # A disk that hangs holds up no stop.
+    latching = Thread(target=_latch, args=(dead, seized + of_the_dead), daemon=True)
+    latching.start()
     endpoints = daemon_endpoints(args, config)
     reports, answer, found = _stop(
         seized + of_the_dead, config, endpoints, local, port=args.port or ""
     )
+    latching.join(LATCHED_WITHIN_S)
+    if latching.is_alive():
+        warn("The emergency stop is not on file yet: the disk does not answer.")
     outcomes = [each for each in found if each.robot.believed]
     boards = [each.path for each in seized + of_the_dead]
     boards += [path for each in outcomes if not each.blind for path in each.robot.ports]
@@ -293,18 +311,32 @@ def _try_port(
         return [], error
 
 
-def _seize_noted(local: LocalStops) -> list[Seized]:
+def _seize_noted(dead: list[PortNote]) -> list[Seized]:
     """Seize the ports of killed daemons, because nothing else stops their boards."""
-    from yahboomd.tools.stop.stop_local import notes
-
     seized = []
-    for note in notes(os.environ, local.wanted, local.answering):
+    for note in dead:
         # Suppressed errors: this process or another one holds the port, or the device is gone or
         # is another one by now, and cannot be stopped any more.
         with contextlib.suppress(LinkError):
             found = seize_noted(note)
             seized += [found] if found is not None else []
     return seized
+
+
+def _latch(dead: list[PortNote], seized: list[Seized]) -> None:
+    """Engage the emergency stop of killed daemons on file: the next ones stand until a release."""
+    from pathlib import Path
+
+    from yahboomd.core.daemon.estop.latch_file import LatchFile
+    from yahboomd.tools.stop.stop_local import same_port
+
+    for note in dead:
+        if note.latch and any(same_port(note.path, each.path) for each in seized):
+            try:
+                LatchFile(Path(note.latch)).engage("yahboomd stop")
+                print(f"{note.path}: emergency stop engaged, until `yahboomd stop --release`.")
+            except OSError as error:
+                warn(f"{note.latch}: the emergency stop is not on file ({error.strerror}).")
 
 
 def _report_busy(args: argparse.Namespace, config: Config, endpoints: tuple[str, ...]) -> bool:

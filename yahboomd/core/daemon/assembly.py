@@ -162,8 +162,8 @@ def opener(
 
 def _note(note: PortNote, config: Config, environ: Mapping[str, str]) -> None:
     folder = runtime_folder(environ, user_id=os.getuid())
-    zenoh = config.zenoh
-    note = note._replace(namespace=zenoh.namespace, listen=tuple(zenoh.listen))
+    zenoh, latch = config.zenoh, config.latch_path(environ, user_id=os.getuid()).absolute()
+    note = note._replace(namespace=zenoh.namespace, listen=tuple(zenoh.listen), latch=str(latch))
     try:
         prepare_folder(folder)
     except OSError:

@@ -29,6 +29,7 @@ class PortNote(NamedTuple):
         listen: The daemon's endpoints for Zenoh.
         ended: The daemon ended in order, and its wheels were seen to stand.
         relay: The line of the relay in the motors' supply; empty for none.
+        latch: The file of the daemon's emergency stop.
     """
 
     path: str
@@ -42,6 +43,7 @@ class PortNote(NamedTuple):
     listen: tuple[str, ...] = ()
     ended: bool = False
     relay: str = ""
+    latch: str = ""
 
     def options(self) -> dict[str, Any]:
         """The arguments of :func:`yahboomd.core.link.seize.seize`."""
@@ -134,10 +136,8 @@ def _note(place: str) -> PortNote | None:
     try:
         # A FIFO under its name must not block.
         fd = os.open(place, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
-        try:
-            text = os.read(fd, MAX_BYTES)
-        finally:
-            os.close(fd)
+        with open(fd, "rb") as file:
+            text = file.read(MAX_BYTES)
     except OSError:
         return None
     return note_of(text)
@@ -159,4 +159,4 @@ def note_of(text: str | bytes) -> PortNote | None:
         return None
     if (type(note.pid), type(note.namespace), type(note.ended)) != (int, str, bool):
         return None
-    return note if all(isinstance(each, str) for each in note.listen) else None
+    return note if all(isinstance(each, str) for each in (note.latch, *note.listen)) else None

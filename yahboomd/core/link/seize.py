@@ -119,6 +119,8 @@ def take(path: str, *, dtr: bool, rts: bool, device: Device | None = None) -> in
             _set_line(fd, line, raised=raised)
         fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
         keep_out(fd)
+        # Any program may have suspended its output.
+        fcntl.ioctl(fd, termios.TCXONC, termios.TCOON)
     except BaseException:
         os.close(fd)
         raise

@@ -392,6 +392,9 @@ class Guard:
         assert self._seized is not None
         self._trouble = gone = None
         try:
+            with contextlib.suppress(termios.error):
+                # Any program may have suspended its output.
+                termios.tcflow(self._seized.fd, termios.TCOON)
             if frames:
                 os.write(self._seized.fd, self._surest if self._promise.let_go else frames)
             else:
