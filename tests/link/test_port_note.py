@@ -72,6 +72,14 @@ def test_an_end_in_order_is_noted_for_this_daemon_alone(tmp_path: Path) -> None:
     assert not any(note.ended for note in read(str(tmp_path)))
 
 
+def test_the_latch_of_a_daemon_that_was_killed_stays_noted(tmp_path: Path) -> None:
+    for killed in (True, False):
+        write(NOTE._replace(pid=7, latch="/run/estop"), str(tmp_path))
+        end(str(tmp_path), 7, killed=killed)
+        (note,) = read(str(tmp_path))
+        assert (note.ended, note.latch) == (True, "/run/estop" if killed else "")
+
+
 def test_of_several_folders_the_first_is_used() -> None:
     assert folder_of({"RUNTIME_DIRECTORY": "/run/one:/run/other"}) == "/run/one"
     assert folder_of({}) == ""

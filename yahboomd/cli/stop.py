@@ -314,7 +314,7 @@ def _try_port(
 def _seize_noted(dead: list[PortNote]) -> list[Seized]:
     """Seize the ports of killed daemons, because nothing else stops their boards."""
     seized = []
-    for note in dead:
+    for note in (each for each in dead if not each.ended):
         # Suppressed errors: this process or another one holds the port, or the device is gone or
         # is another one by now, and cannot be stopped any more.
         with contextlib.suppress(LinkError):

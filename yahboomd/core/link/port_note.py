@@ -27,9 +27,9 @@ class PortNote(NamedTuple):
         device: Its identity: its name may be another's by now.
         pid: The daemon's process.
         listen: The daemon's endpoints for Zenoh.
-        ended: The daemon ended in order, and its wheels were seen to stand.
+        ended: The daemon ended in order, or its guard, and its wheels were seen to stand.
         relay: The line of the relay in the motors' supply; empty for none.
-        latch: The file of the daemon's emergency stop.
+        latch: The file of the daemon's emergency stop; empty once the daemon itself ended in order.
     """
 
     path: str
@@ -73,12 +73,12 @@ def write(note: PortNote, folder: str) -> bool:
     return True
 
 
-def end(folder: str, pid: int) -> None:
-    """Note that this process ended in order, with standing wheels. Never raises."""
+def end(folder: str, pid: int, *, killed: bool = False) -> None:
+    """Note that a daemon has ended, or was killed, and its wheels stand. Never raises."""
     for place, note in _found(folder):
         if note.pid == pid:
             try:
-                _put(place, note._replace(ended=True))
+                _put(place, note._replace(ended=True, latch=note.latch if killed else ""))
             except OSError:
                 return
 

@@ -153,7 +153,7 @@ class Guard:
                 self._answer_latched("the disk does not answer")
         # A disk holds up nothing any more.
         if getattr(self._trouble, "stood", False):
-            port_note.end(self._charge.folder, self._charge.owner)
+            port_note.end(self._charge.folder, self._charge.owner, killed=True)
         self._stops.close()
 
     # What the owner says.

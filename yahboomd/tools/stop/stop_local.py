@@ -326,7 +326,7 @@ def folders(
 def notes(
     environ: Mapping[str, str], wanted: DaemonChoice, living: Iterable[LocalDaemon]
 ) -> list[PortNote]:
-    """The notes of daemons that neither answer nor ended in order: their boards may still drive."""
+    """The notes of daemons that neither answer nor ended in order."""
     # A killed daemon's process id may belong to any process by now.
     pids = {robot.pid for robot in living if robot.believed}
     found = []
@@ -334,7 +334,7 @@ def notes(
         with contextlib.suppress(OSError):
             # The folder's owner chooses the file, so trust only root and this user.
             if os.stat(folder).st_uid in {0, os.geteuid()}:
-                found += [each for each in port_note.read(folder) if not each.ended]
+                found += [each for each in port_note.read(folder) if not each.ended or each.latch]
     return [
         note
         for note in found
