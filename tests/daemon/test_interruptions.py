@@ -12,6 +12,7 @@ from yahboomd.core.drive.standing import why
 from yahboomd.core.link.port_guard import UNGUARDED, stops_of
 from yahboomd.core.link.promise import Promise, memory
 from yahboomd.core.protocol.registry import DIALECTS
+from yahboomd.simulation.memory import MemoryPort
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import VirtualTimeLoop, on_virtual_time
 
@@ -159,6 +160,10 @@ async def test_without_a_guard_no_wheel_is_driven_and_that_is_said(tmp_path: Pat
         await bench.ready()
         guard = bench.guard
         guard._start = lambda _: (_ for _ in ()).throw(OSError())
+        # A port that closes, in an unplugging perhaps, is no fault of the guard.
+        await asyncio.sleep(0.1)
+        assert "unguarded" not in bench.heard.kinds
+        guard._port = MemoryPort(bench.robot)  # type: ignore[assignment]
         await bench.drive(1.0, 0.4)
         assert max(map(abs, bench.rim_speeds)) == 0.0
         state, reasons = bench.controller.state()

@@ -146,8 +146,8 @@ class PortGuard:
 
     @property
     def watching(self) -> bool:
-        """Whether it holds the open port. Until then no wheel must be commanded."""
-        return self._start is None or self._holds
+        """Whether it holds the port, if one is open. Until then no wheel must be commanded."""
+        return self._start is None or self._port is None or self._holds
 
     # The port.
 

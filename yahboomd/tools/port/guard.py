@@ -147,6 +147,8 @@ class Guard:
                 self._hand_over(later)
             if not self._over:
                 self._take(law.Tick())
+                if self._state.owner == "ended" and self._blind is not None:
+                    self._disk.do("import", last_stop.prepare, self._prepared)
                 self._tell()
             if self._latching is not None and _now_ms() - self._latching >= LATCHED_WITHIN_MS:
                 self._latching = None
@@ -420,9 +422,7 @@ class Guard:
     def _look(self) -> law.Event:
         assert self._seized is not None
         if self._blind is not None:
-            gone = self._send(self._surest)
-            self._disk.do("import", last_stop.prepare, self._prepared)
-            return gone or law.Looked(stand=False)
+            return self._send(self._surest) or law.Looked(stand=False)
         if self._why:
             why, self._why = self._explained_why(), ""
             self._say(f"{why} A stop was sent.")

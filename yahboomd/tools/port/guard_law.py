@@ -175,7 +175,7 @@ class State(NamedTuple):
 
 def begun(stop: int, acknowledged: bool, asked: bool, now: int, limits: Limits) -> State:
     """How a guard begins after one that its owner replaced: with that one's stop and request."""
-    state = State(stop=stop, acknowledged=acknowledged, since=now, due=now)
+    state = State(stop=stop, acknowledged=acknowledged, since=now)
     return _awaiting(state._replace(asked=now + limits.answer if asked else None))
 
 
@@ -215,7 +215,7 @@ def step(state: State, event: Event, now: int, limits: Limits) -> Step:
         case Opened(ours):
             if ours and not state.turning:
                 # The stop was sent; a suspended owner, or another program, needs the port.
-                return _awaiting(state._replace(stopped=True)), ("close",)
+                return state._replace(stopped=True), ("close",)
             return state._replace(holds=ours, due=now + limits.repeat), ()
         case Looked(stand):
             return _over(state) if stand else (state._replace(due=now + limits.repeat), ())
@@ -233,11 +233,12 @@ def _awaiting(state: State) -> State:
     """When to act next while the owner lives."""
     if state.owner == "ended":
         return state
-    if not state.acknowledged and (state.turning or state.holds):
+    if not state.acknowledged:
         return state if state.due is not None else state._replace(due=state.since)
     promised = state.until if state.turning else None
-    asked = None if state.stopped else state.asked
-    return state._replace(due=min((t for t in (promised, asked) if t is not None), default=None))
+    return state._replace(
+        due=min((t for t in (promised, state.asked) if t is not None), default=None)
+    )
 
 
 def _latch(state: State) -> tuple[Literal["latch"], ...]:
