@@ -236,9 +236,8 @@ def _awaiting(state: State) -> State:
     if not state.acknowledged:
         return state if state.due is not None else state._replace(due=state.since)
     promised = state.until if state.turning else None
-    return state._replace(
-        due=min((t for t in (promised, state.asked) if t is not None), default=None)
-    )
+    due = min((t for t in (promised, state.asked) if t is not None), default=None)
+    return state._replace(due=due)
 
 
 def _latch(state: State) -> tuple[Literal["latch"], ...]:
