@@ -436,8 +436,14 @@ def cut(fault: str) -> Callable[[Soak], None]:
         wheel = soak.chance.choice(["left", "right"])
         soak.move(soak.chance.choice([-0.35, 0.35]), 0.0)
         soak.stands(soak.do(f"{fault} {wheel}"), 1.6)
-        if not soak.wait(lambda: soak.app.state == "fault", 3.0):
-            soak.fail("the status has no fault")
+
+        def named() -> bool:
+            # Where the drive had paused, the wheel did not begin to turn, which is no fault yet.
+            why = soak.app.status[1].get("why", "")
+            return soak.app.state == "fault" or "does not begin to turn" in why
+
+        if not soak.wait(named, 3.0):
+            soak.fail("the status does not name the wheel")
         soak.do(f"repair {wheel}")
 
     return happens

@@ -78,7 +78,8 @@ def is_stopped_and_released(node):
     assert not refused["success"]
     assert "yahboomd/estop/reset" in refused["message"]
     for service in TRIGGERS:
-        assert node.call(service)["reply"]["success"]
+        reply = node.call(service)["reply"]
+        assert reply["success"], reply["message"]
 
 
 def laser_of(node):
