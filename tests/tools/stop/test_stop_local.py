@@ -42,7 +42,9 @@ class Daemon:
         self.stops = 0
         self._local = LocalStops()
         self._local.facts = json.dumps({"daemon": "yahboomd", "namespace": namespace}).encode()
-        self._local.listen(str(folder), "stop")
+        made = self._local.made(str(folder), "stop")
+        assert made is not None
+        self._local.listen(*made)
         stood = None if speed is None else speed == 0.0
         self._seen = json.dumps({"stood": stood, "fastest_m_s": speed}).encode()
         asyncio.get_running_loop().add_reader(self._local, self._serve)
