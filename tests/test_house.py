@@ -35,7 +35,7 @@ MOST_CODE = {
     "blackbox": 1265,
     "cli": 5052,
     "client": 1908,
-    "core": 17106,
+    "core": 17105,
     "moves": 2082,
     "ros2": 1313,
     "simulation": 3154,

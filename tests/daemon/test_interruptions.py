@@ -9,7 +9,7 @@ import pytest
 from robot_bench import RobotBench
 
 from yahboomd.core.drive.standing import why
-from yahboomd.core.link.port_guard import UNGUARDED, stops_of
+from yahboomd.core.link.port_guard import NO_GUARD, stops_of
 from yahboomd.core.link.promise import Promise, memory
 from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.simulation.memory import MemoryPort
@@ -168,7 +168,7 @@ async def test_without_a_guard_no_wheel_is_driven_and_that_is_said(tmp_path: Pat
         assert max(map(abs, bench.rim_speeds)) == 0.0
         state, reasons = bench.controller.state()
         assert state == "fault"
-        assert why(reasons).startswith(UNGUARDED)
+        assert why(reasons).startswith(NO_GUARD)
         assert bench.heard.kinds.count("unguarded") == 1
         guard._holds = True
         await bench.drive(1.0, 0.4)

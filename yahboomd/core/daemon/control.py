@@ -44,8 +44,7 @@ from yahboomd.core.drive.limiter import Limiter
 from yahboomd.core.errors import YahboomdError
 from yahboomd.core.link.connected_board import ConnectedBoard
 from yahboomd.core.link.handshake import Identity
-from yahboomd.core.link.port_guard import UNGUARDED as NO_GUARD
-from yahboomd.core.link.port_guard import PortGuard
+from yahboomd.core.link.port_guard import NO_GUARD, PortGuard
 from yahboomd.core.model import Cause, Counts, EncoderReading, Event, ImuReading, Matrix3, Pose2d
 from yahboomd.core.odometry.odometer import Odometer
 from yahboomd.core.protocol.dialect import Units
@@ -102,7 +101,7 @@ class Controller:
         self._odometer = odometer
         self._latch = latch
         self._outputs = outputs
-        self._guard = guard = guard or PortGuard()
+        self._guard = guard or PortGuard()
         self.counters: Counter[str] = Counter()
         self._wheels = Wheels(
             options.kinematics,

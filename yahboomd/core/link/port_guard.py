@@ -44,7 +44,7 @@ ENDS_WITHIN_S = 2.0
 
 LOOK_S = 0.005
 
-UNGUARDED = (
+NO_GUARD = (
     "No guard has the port, so nothing would stop the wheels if yahboomd were killed or froze: no "
     "wheel is turned. Free memory, processes and file descriptors if they are used up, and start "
     "yahboomd again; `--no-guard` drives without."
@@ -234,8 +234,8 @@ class PortGuard:
             self._on_stop(promise.asked, "the local socket")
         self._acknowledge(promise)
         if before == 0 or until_ms < before or until_ms // SEEN_MS != before // SEEN_MS:
-            # The guard sleeps until the promise that it knows lapses; and one that was killed, or
-            # is frozen, is noticed by a message to it.
+            # The guard sleeps until the promise that it knows lapses. A message to it also shows
+            # whether it was killed or is frozen.
             self._look_for_it(promise)
 
     def _look_for_it(self, promise: Promise) -> None:
@@ -248,7 +248,7 @@ class PortGuard:
         self._tell(words.PROMISE, b"%d" % self._told)
 
     def renew(self, until_ns: int) -> None:
-        """The same while this process starts; nothing if no wheels may turn."""
+        """Promise until then while this process starts, if wheels may turn."""
         if self._promise is not None and self._promise.until_ms:
             self.promise(until_ns)
 

@@ -47,8 +47,8 @@ SOON = 0.3
 """Counts that change sooner than this after the last ones, in ticks, wait for the next line."""
 
 LATE, EVENLY = 13_000_000, 0.7
-"""Without a tick, a line that comes so much later than usual was held back, or lines were lost: the
-next one that follows at this share of the usual distance, or more, shows its time again."""
+"""Without a tick, a line this much later than usual waited, or lines before it were lost. It is
+passed over, as are the lines behind it that come closer than this share of the usual distance."""
 
 
 class StreamedClock:

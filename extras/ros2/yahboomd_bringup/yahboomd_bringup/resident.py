@@ -59,7 +59,7 @@ class Resident:
             self.node.create_service(Trigger, service, self.serving(key))
 
     def keep(self) -> None:
-        """Subscribe to further topics that the bridge publishes and somebody reads."""
+        """Subscribe to each further topic of the bridge that has a reader."""
         below = self.node.get_namespace().rstrip("/") + "/"
         for topic, types in self.node.get_topic_names_and_types():
             if topic in self.kept or not topic.startswith(below):
