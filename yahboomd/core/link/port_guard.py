@@ -45,8 +45,8 @@ ENDS_WITHIN_S = 2.0
 LOOK_S = 0.005
 
 NO_GUARD = (
-    "No guard has the port, so nothing would stop the wheels if yahboomd were killed or froze: no "
-    "wheel is turned. Free memory, processes and file descriptors if they are used up, and start "
+    "No wheel is turned until a guard has the port: nothing else would stop the wheels if yahboomd "
+    "were killed or froze. If this lasts, free memory, processes and file descriptors, and start "
     "yahboomd again; `--no-guard` drives without."
 )
 
